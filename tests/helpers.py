@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, scenes
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.ladder import LADDER, Search
+from actionopt.solver.strategies import STRATEGIES, Search
 from actionopt.solver.workspace import Workspace
 
 
@@ -50,12 +50,12 @@ def same_bits(one, other, because):
     np.testing.assert_array_equal(one, other, message, strict=True)
 
 
-def applies(rung, problem, principle="auto"):
-    """Return whether a rung of the ladder is open to a problem, by its name."""
+def applies(strategy, problem, principle="auto"):
+    """Return whether a strategy is open to a problem, by its name."""
     ws = Workspace(problem)
     ws.transcribe(Mesh.uniform(problem.start.t, problem.end.t, 4, 6), None)
     search = Search(ws, 1e-8, principle, None, may_be_least=principle != "stationary")
-    (way,) = (way for way in LADDER if way.name == rung)
+    (way,) = (way for way in STRATEGIES if way.name == strategy)
     return way.applies(search)
 
 

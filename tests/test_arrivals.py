@@ -7,7 +7,7 @@ import systems
 import actionopt as ao
 from actionopt.analysis import shooting
 from actionopt.analysis.shooting import integrate
-from actionopt.solver.arrivals import SPANS, Units, arrivals, misses
+from actionopt.solver.arrivals import SPANS, MissUnits, arrivals, misses
 
 SPRING = systems.oscillator()
 
@@ -116,7 +116,7 @@ def test_a_path_misses_nothing_at_a_surface_that_moves_where_its_time_is_free(k)
         events = [ao.Event(0.0, [0.0, 0.0]), events[0]]
     problem = ao.Problem(system, *events, energy=float(v @ v) / 2 - u)
     state = q[:, None], v[:, None], np.array([t])
-    unit = Units(np.ones(2), 1.0, 1.0)
+    unit = MissUnits(np.ones(2), 1.0, 1.0)
     np.testing.assert_allclose(misses(problem, k, state, unit), 0.0, atol=1e-14)
     turned = q[:, None], -v[:, None], np.array([t])
     assert np.abs(misses(problem, k, turned, unit)).max() > 0.1

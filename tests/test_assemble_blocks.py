@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from actionopt import simple
-from actionopt.discrete.factors import compressed
+from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
@@ -41,7 +41,7 @@ def test_entries_are_those_of_the_symbolic_derivative(laws, storage, monkeypatch
     assert layout.storage == storage
     z = np.random.default_rng(0).uniform(-0.4, 0.4, layout.size)
     found, pattern = np.zeros((layout.size, layout.size)), layout.kkt
-    found[pattern.row, pattern.col] = compressed(layout, tr.kkt(z))
+    found[pattern.row, pattern.col] = kkt_nonzeros(layout, tr.kkt(z))
 
     Q, lam = tr.unpack(z)
     given = LAWS[laws].get("constraint"), LAWS[laws].get("force")

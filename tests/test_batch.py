@@ -10,7 +10,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis.status import Status
 from actionopt.discrete.factors import Factors
-from actionopt.discrete.stacks import Factored, Shape, Stack
+from actionopt.discrete.stacks import Factored, Stack, StackShape
 from actionopt.discrete.transcription import Transcription
 from actionopt.families import batch, budget
 from actionopt.families.batch import member, solve_run
@@ -213,7 +213,7 @@ def test_stacks_are_the_transcription(name):
     mesh = ao.Mesh.uniform(problem.start.t, problem.end.t, 3, 7)
     tr = Transcription(problem, mesh, problem.lengths)
     rng = np.random.default_rng(0)
-    shape = Shape(problem.system, mesh.moved(0.0, 1.0), ((), ()), tr.lengths, tr.action_unit)
+    shape = StackShape(problem.system, mesh.moved(0.0, 1.0), ((), ()), tr.lengths, tr.action_unit)
     z = [tr.pack(tr.straight()) + 0.1 * rng.standard_normal(tr.layout.size) for _ in range(4)]
     times = np.tile([problem.start.t, problem.end.t], (4, 1))
     stack = Stack(shape, times, np.tile(problem.packed, (4, 1)))
@@ -223,7 +223,11 @@ def test_stacks_are_the_transcription(name):
     factored = Factored(shape, stack.coefficients(second))
     steps, missed, followed = (
         shape.whole(stack.step(factored.solve(stack.rows(right))))
-        for right in (part, stack.missed(between, part), stack.missed(between, part, second))
+        for right in (
+            part,
+            stack.quadrature_defect(between, part),
+            stack.quadrature_defect(between, part, second),
+        )
     )
     for i, x in enumerate(z):
         factors = Factors(tr.layout, tr.kkt(x))
@@ -231,8 +235,8 @@ def test_stacks_are_the_transcription(name):
         assert factored.negative[i] == factors.negative()
         for mine, right in (
             (steps, tr.residual(x)),
-            (missed, tr.missed(x, followed=False)[0]),
-            *([(followed, tr.missed(x)[0])] if problem.system.structure.samples else []),
+            (missed, tr.quadrature_defect(x, followed=False)[0]),
+            *([(followed, tr.quadrature_defect(x)[0])] if problem.system.structure.samples else []),
         ):
             want = factors.solve(right)
             assert tr.pack(mine[i]) - tr.pack(0 * mine[i]) == pytest.approx(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.discrete.crossing import crossed
+from actionopt.discrete.crossing import first_crossing
 
 JUMPS = {
     "where": lambda q, v, t: np.where(q[0] > 0, 1.4, 1.0) * np.sqrt(1 + v[0] ** 2),
@@ -43,7 +43,7 @@ def test_a_jump_that_is_crossed_is_named(name):
     solution = across(JUMPS[name])
     assert solution.status is ao.Status.JUMP
     assert not solution.success
-    # At once: no ladder is climbed for a path that has to cross.
+    # At once: no strategies is climbed for a path that has to cross.
     assert sum(solution.stats["iterations"].values()) < 100
 
 
@@ -115,12 +115,14 @@ def test_a_jump_has_its_height_from_either_side(way, step):
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.where(q[0] > 0.2, step, 0.0), ["y"])
     problem = ao.Problem(system, ao.Event(0.0, [-way]), ao.Event(2.0, [way]))
     mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
-    found = crossed(system.switches, problem, ao.Path.interpolate(lambda t: [way * (t - 1)], mesh))
+    found = first_crossing(
+        system.switches, problem, ao.Path.interpolate(lambda t: [way * (t - 1)], mesh)
+    )
     assert found.height == pytest.approx(0.4, rel=1e-12)
     assert found.t == pytest.approx(1 + 0.2 * way, abs=1e-12)
     assert found.q == pytest.approx([0.2], abs=1e-12) and found.v == pytest.approx([way])
     assert found.inevitable
-    back = crossed(
+    back = first_crossing(
         system.switches,
         problem,
         ao.Path.interpolate(lambda t: [1 - 0.9 * np.sin(np.pi * t / 2)], mesh),
@@ -135,7 +137,7 @@ def test_a_cusp_is_no_jump_however_near_it_is_seen(power, jumps):
     )
     problem = ao.Problem(system, ao.Event(0.0, [-1.0]), ao.Event(2.0, [1.0]))
     mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
-    found = crossed(system.switches, problem, ao.Path.interpolate(lambda t: [t - 1], mesh))
+    found = first_crossing(system.switches, problem, ao.Path.interpolate(lambda t: [t - 1], mesh))
     assert (found is not None) is jumps
 
 
@@ -173,4 +175,4 @@ def test_branches_that_meet_steeply_are_told_from_jumps_by_the_size_of_l(sign):
     problem = ao.Problem(system, ao.Event(0.0, [-1.0123]), ao.Event(2.0, [0.9877]))
     mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
     path = ao.Path.interpolate(lambda t: [t - 1.0123], mesh)
-    assert crossed(system.switches, problem, path) is None
+    assert first_crossing(system.switches, problem, path) is None

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.discrete.crossing import Jump, unbalanced
+from actionopt.discrete.crossing import Jump, find_imbalance
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import Balance, imbalance
-from actionopt.discrete.stacks import Shape, Stack
+from actionopt.discrete.stacks import Stack, StackShape
 from actionopt.discrete.transcription import Transcription
 
 
@@ -116,7 +116,7 @@ def test_the_balance_of_stacked_members_is_that_of_each(timed):
     tr = Transcription(problem, mesh, problem.lengths)
     curve = ao.Path.interpolate(lambda t: [1.9 * t - 0.83 + t * (1 - t) * np.cos(9 * t)], mesh)
     stack = Stack(
-        Shape(system, mesh, ((), ()), tr.lengths, tr.action_unit),
+        StackShape(system, mesh, ((), ()), tr.lengths, tr.action_unit),
         np.array([[0.0, 1.0]]),
         problem.packed,
     )
@@ -291,7 +291,7 @@ def test_the_balance_holds_along_any_curve_and_shows_the_slightest_jump():
     stepped = at(lambda q: np.exp(q[0]) * q[1] + 1e-11 * (q[1] - 0.2) / np.sqrt((q[1] - 0.2) ** 2))
     assert imbalance(stepped.tr, stepped.x, 1e-9) is None
     stepped = at(lambda q: np.exp(q[0]) * q[1] + 1e-6 * (q[0] - 0.2) / np.sqrt((q[0] - 0.2) ** 2))
-    jump = unbalanced(stepped, 1e-9)
+    jump = find_imbalance(stepped, 1e-9)
     assert isinstance(jump, Jump)
     assert jump.height == pytest.approx(2e-6, rel=1e-3)
     assert jump.q[0] == pytest.approx(0.2, abs=1e-12) and jump.t == pytest.approx(0.6, abs=1e-12)

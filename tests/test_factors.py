@@ -8,13 +8,13 @@ from helpers import same_bits
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.factors import (
     Factors,
-    compressed,
     diagonal,
     full,
+    kkt_nonzeros,
     negative_eigenvalues,
     product,
 )
-from actionopt.discrete.layout import bordered
+from actionopt.discrete.layout import border_matrix
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
@@ -80,7 +80,7 @@ def matrix_of(kind, stored, duration=2.0):
     z = np.random.default_rng(elements).uniform(-1, 1, tr.layout.size)
     nonzeros, pattern = tr.kkt(z), tr.layout.kkt
     dense = np.zeros(pattern.shape)
-    dense[pattern.row, pattern.col] = compressed(tr.layout, nonzeros)
+    dense[pattern.row, pattern.col] = kkt_nonzeros(tr.layout, nonzeros)
     return tr.layout, nonzeros, dense
 
 
@@ -259,7 +259,7 @@ def matrix_with(monkeypatch, shape, kind, lengths=(0.7, 1.3, 2.0), border=(), el
     for k in border:  # one beside the other
         edges = np.random.default_rng(7).normal(size=(2, len(dense), k))
         B, C, D = edges[0], edges[0].T if kind != "drag" else edges[1].T, np.eye(k)
-        layout, nonzeros = bordered(layout, nonzeros, B, C, D)
+        layout, nonzeros = border_matrix(layout, nonzeros, B, C, D)
         dense = np.block([[dense, B], [C, D]])
     return layout, nonzeros, dense
 
@@ -290,7 +290,7 @@ def test_blocks_of_any_path_with_a_border(in_blocks, shape, kind):
         assert np.max(np.abs(product(layout, nonzeros, z) - dense @ z)) <= 1e-12 * size
         assert np.max(np.abs(full(layout, nonzeros) - dense)) <= 1e-13 * size
         factors = Factors(layout, nonzeros)
-        assert np.max(np.abs(dense @ factors._condensed.solve(z) - z)) <= 1e-8
+        assert np.max(np.abs(dense @ factors._condensed_blocks.solve(z) - z)) <= 1e-8
         if kind != "drag":
             assert np.max(np.abs(dense - dense.T)) <= 1e-13 * size
             assert factors.negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
@@ -317,7 +317,7 @@ def test_a_sparse_matrix_with_a_border(monkeypatch, kind):
     monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
     layout, nonzeros, dense = matrix_of(kind, ("sparse", 12))
     edges = np.random.default_rng(7).normal(size=(2, layout.size, 2))
-    layout, nonzeros = bordered(layout, nonzeros, edges[0], edges[1].T, np.eye(2))
+    layout, nonzeros = border_matrix(layout, nonzeros, edges[0], edges[1].T, np.eye(2))
     dense = np.block([[dense, edges[0]], [edges[1].T, np.eye(2)]])
     right = np.random.default_rng(3).normal(size=layout.size)
     factors = Factors(layout, nonzeros)

@@ -7,7 +7,7 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.solver.revisions import stretched
+from actionopt.solver.revisions import stretch_to_end
 
 
 def sphere(q, v):
@@ -182,7 +182,7 @@ def test_what_leaves_the_straight_line_grows_with_the_way():
         ao.Problem(plane, ao.Event(0, [0.0, 1.0]), ao.Event(1, [x, 1.0])) for x in (1.0, 2.0)
     )
     path = ao.solve(near)
-    led = stretched(path, far, 2.0)
+    led = stretch_to_end(path, far, 2.0)
     t = np.linspace(0, 1, 7)
     assert led(t)[0] == pytest.approx(2 * path(t)[0])
     assert led(t)[1] - 1 == pytest.approx(2 * (path(t)[1] - 1))

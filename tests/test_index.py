@@ -15,7 +15,7 @@ from actionopt.analysis.index import inertia
 from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import lowest, second_variation
 from actionopt.analysis.second_variation import condense
-from actionopt.discrete.factors import compressed
+from actionopt.discrete.factors import kkt_nonzeros
 
 EIGENVALUE_TOLERANCE = 1e-9  # relative; the path and its modes are resolved to better than 1e-8
 MASS, STIFFNESS = 2.0, 8.0
@@ -252,7 +252,7 @@ def test_pivots_agree_with_dense_eigenvalues_on_every_scene(name):
     tr, z = solution.discrete.tr, solution.discrete.z
     pattern = tr.layout.kkt
     matrix = np.zeros(pattern.shape)
-    matrix[pattern.row, pattern.col] = compressed(tr.layout, tr.kkt(z))
+    matrix[pattern.row, pattern.col] = kkt_nonzeros(tr.layout, tr.kkt(z))
     # A KKT matrix has one negative eigenvalue a row, and those of the reduced Hessian.
     negative = np.sum(np.linalg.eigvalsh(matrix) < 0) - tr.layout.rows
     found = solution.inertia

@@ -11,7 +11,7 @@ from helpers import a_quarter
 import actionopt as ao
 from actionopt.families.centres import guesses
 from actionopt.solver.solve import solve_near
-from actionopt.solver.window import searched
+from actionopt.solver.window import for_search
 
 INF = math.inf
 
@@ -265,5 +265,5 @@ def test_a_bounce_that_begins_next_to_another_equilibrium_is_guessed():
 
     end = ao.Event(INF, [unit * rest])
     whole = ao.Problem(ao.System(thin, ["phi"]), ao.Event(0.0, [None]), end)
-    begin = next(guesses(searched(whole, 1e-8), unit * rest))(np.zeros(1))[0, 0]
+    begin = next(guesses(for_search(whole, 1e-8), unit * rest))(np.zeros(1))[0, 0]
     assert begin / unit == pytest.approx(1.06165, abs=1e-4)  # the other is at 1.06172

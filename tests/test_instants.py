@@ -7,7 +7,7 @@ from helpers import a_quarter
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.boundaries import bounded, moved, sides
+from actionopt.discrete.boundaries import carry_boundaries, sides, with_boundaries
 from actionopt.discrete.mesh import Mesh
 
 C = 0.3718
@@ -118,12 +118,12 @@ def test_a_mass_that_changes(t0, tol):
 
 def test_boundaries_at_instants():
     mesh = Mesh([0.0, 0.25, 0.5, 0.75, 1.0], [4, 5, 6, 7])
-    found = bounded(mesh, ((0.25, 0.25), (0.3, 0.3), (0.6, 0.6), (0.98, 0.98)))
+    found = with_boundaries(mesh, ((0.25, 0.25), (0.3, 0.3), (0.6, 0.6), (0.98, 0.98)))
     assert found.boundaries.tolist() == [0, 0.25, 0.3, 0.5, 0.6, 0.75, 0.98, 1.0]
     assert found.degrees == (4, 5, 5, 6, 6, 7, 7)
-    assert bounded(found, ((0.3, 0.3), (1.0, 1.0))) is found
-    assert bounded(mesh, ((0.52, 0.52),)).boundaries.tolist() == [0, 0.25, 0.52, 0.75, 1.0]
-    assert bounded(mesh, ()) is mesh
+    assert with_boundaries(found, ((0.3, 0.3), (1.0, 1.0))) is found
+    assert with_boundaries(mesh, ((0.52, 0.52),)).boundaries.tolist() == [0, 0.25, 0.52, 0.75, 1.0]
+    assert with_boundaries(mesh, ()) is mesh
 
 
 def test_each_element_is_on_its_own_side():
@@ -138,12 +138,12 @@ def test_each_element_is_on_its_own_side():
 
 def test_a_mesh_moves_with_its_instants():
     mesh = Mesh([0.0, 0.1, 0.2, 0.6, 1.0], 4)
-    found = moved(mesh, ((0.2, 0.2),), ((2.5, 2.5),), 2.0, 4.0)
+    found = carry_boundaries(mesh, ((0.2, 0.2),), ((2.5, 2.5),), 2.0, 4.0)
     assert found.boundaries == pytest.approx([2.0, 2.25, 2.5, 3.25, 4.0])
     # Others, not of this mesh, or at an end of it.
     others = (), ((0.2, 0.2), (0.6, 0.6)), ((0.3, 0.3),), ((0.0, 0.0),), ((1.0, 1.0),)
     for old in others:
-        found = moved(mesh, old, ((2.5, 2.5),), 2.0, 4.0)
+        found = carry_boundaries(mesh, old, ((2.5, 2.5),), 2.0, 4.0)
         assert found.boundaries == pytest.approx([2.0, 2.2, 2.4, 3.2, 4.0])
 
 

@@ -13,7 +13,7 @@ from helpers import a_quarter, solved
 
 import actionopt as ao
 from actionopt import plot, scenes
-from actionopt.discrete.factors import compressed
+from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.expressions import Expressions
 from actionopt.plot.live import javascript
@@ -97,7 +97,7 @@ def test_the_action_in_the_page_is_that_of_the_package(asked, computed, name):
     # Its Hessian lacks the ends, which are given.
     at = tr.with_ends(Q[[0, -1]])
     K, pattern, count = np.zeros(tr.layout.kkt.shape), tr.layout.kkt, tr.layout.unknowns
-    K[pattern.row, pattern.col] = compressed(tr.layout, at.kkt(at.pack(Q, lam)))
+    K[pattern.row, pattern.col] = kkt_nonzeros(tr.layout, at.kkt(at.pack(Q, lam)))
     H = K[:count, :count] * tr.action_unit / np.outer(tr.x_unit, tr.x_unit)
     free = np.ix_(tr.layout.free, tr.layout.free)
     mine = np.reshape(told["H"], (Q.size, Q.size))[free]

@@ -83,7 +83,7 @@ def test_multipliers_are_those_of_least_residual(kind):
     g = np.linalg.solve(root, tr.gradient(z[:cut]))
     J = np.linalg.solve(root, A[:cut, cut:])
     mu = -np.linalg.lstsq(J, g, rcond=None)[0] if J.size else np.zeros(0)
-    found, norm = _Masses.of(tr, z).balanced(z[:cut])
+    found, norm = _Masses.of(tr, z).balance(z[:cut])
     assert np.array_equal(found[:cut], z[:cut])
     assert np.allclose(found[cut:], mu, rtol=0, atol=1e-6 * np.max(np.abs(mu), initial=1.0))
     assert norm == pytest.approx(np.linalg.norm(g + J @ mu), rel=1e-6)

@@ -7,7 +7,7 @@ from helpers import same_bits
 
 from actionopt import Event, Problem, System
 from actionopt.analysis.shooting import about, integrate
-from actionopt.solver.meeting import MOST_PAIRS, joined, meetings, nearest
+from actionopt.solver.two_sided_shooting import MOST_PAIRS, join_motions, meetings, nearest
 
 OSCILLATOR = systems.oscillator("x y")
 PENDULUM = systems.pendulum("angle")
@@ -63,7 +63,7 @@ def test_two_halves_of_one_motion_are_joined_to_it():
     t = np.linspace(0.0, 2.0, 41)
     back = np.linspace(4.0, 2.0, 38)
     forth, rest = ((s, np.sin(s)[None], np.cos(s)[None]) for s in (t, back))
-    curve = joined(forth, rest, 2.0)
+    curve = join_motions(forth, rest, 2.0)
     assert (curve.mesh.boundaries[0], curve.mesh.boundaries[-1]) == (0.0, 4.0)
     assert 2.0 in curve.mesh.boundaries
     s = np.linspace(0.0, 4.0, 101)
@@ -74,7 +74,7 @@ def test_two_halves_of_one_motion_are_joined_to_it():
 def test_a_gap_is_spread_over_both_halves():
     t, back = np.linspace(0.0, 1.0, 10), np.linspace(3.0, 1.0, 10)
     flat = [(s, np.full((1, 10), x), np.zeros((1, 10))) for s, x in ((t, 0.0), (back, 1.0))]
-    curve = joined(flat[0], flat[1], 1.0)
+    curve = join_motions(flat[0], flat[1], 1.0)
     np.testing.assert_allclose(
         curve(np.array([0.0, 0.5, 1.0, 2.0, 3.0]))[0], [0, 0.25, 0.5, 0.75, 1]
     )

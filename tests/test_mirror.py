@@ -226,12 +226,12 @@ def test_a_path_under_way_is_measured_alike(name, both):
         ws = Workspace(problem, linear=problem.system.structure.linear)
         mesh = Mesh.uniform(problem.start.t, problem.end.t, 3, 4)
         ws.transcribe(mesh, Path(mesh, side * solution(mesh.nodes)))
-        polished, missed, here = ws.follow(), ws.missed(), ws.here
+        polished, missed, here = ws.follow(), ws.quadrature_shift(), ws.here
         tr, z, steep = here.tr, here.z, here.resolution.steep()
         step = side * np.linspace(-2.0, 1.0, tr.layout.size)
         known = polished, here.noise, here.gain, here.error, here.rough, here.singular
         row = [*known, *here.sizes, *here.lengths, tr.action_unit, *tr.row_units]
-        row += [tr.measured(step), missed, here.with_probed(False).growth, *tr.uneven(z)]
+        row += [tr.relative_step(step), missed, here.with_probed(False).growth, *tr.uneven(z)]
         found.append(row + [cut for part in tr.cuts(z) for cut in part] + steep.ravel().tolist())
     for row in found[1:]:
         one, other = np.array(found[0], dtype=float), np.array(row, dtype=float)

@@ -9,7 +9,7 @@ from helpers import motion, transcribed
 
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import CONTRACTION, _pulled, _steps, follow
+from actionopt.discrete.newton import CONTRACTION, _residual_change, _steps, follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
@@ -152,7 +152,7 @@ def test_a_second_simplified_step_that_grows_asks_for_another_matrix():
     """
     lengths = iter([1e-4, 1e-8, 1e-6])
     factors = SimpleNamespace(cheap=True, solve=lambda right: np.array([next(lengths)]))
-    tr = SimpleNamespace(residual=lambda z: z, measured=lambda step: abs(step[0]))
+    tr = SimpleNamespace(residual=lambda z: z, relative_step=lambda step: abs(step[0]))
     z = np.ones(1)
     _, rest, ratio, converged = _steps(tr, factors, z, z, False, 1e-14, None)
     assert not converged and rest == 1e-6 and ratio == CONTRACTION
@@ -199,6 +199,6 @@ def test_the_pull_of_moving_ends_is_that_of_finite_differences(kind, elements):
     ends, h = tr.ends[[0, -1]], 1e-5
     change = np.array([[0.3, -0.2], [0.1, 0.4]])
     assert tr.layout.storage == "blocks"
-    found = _pulled(tr, z, tr.with_ends(ends + change), Factors(tr.layout, tr.kkt(z)))
+    found = _residual_change(tr, z, tr.with_ends(ends + change), Factors(tr.layout, tr.kkt(z)))
     after, before = (tr.with_ends(ends + s * h * change).residual(z) for s in (1, -1))
     assert found == pytest.approx((after - before) / (2 * h), abs=1e-8 * np.abs(found).max())

@@ -541,16 +541,16 @@ def test_from_a_point_on_a_small_disc():
 
 def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
     found = [SimpleNamespace(action=action) for action in (1.0, 0.5)]
-    ws = SimpleNamespace(restart=lambda: None, stand=lambda path: setattr(ws, "here", path))
+    ws = SimpleNamespace(restart=lambda: None, take_up=lambda path: setattr(ws, "here", path))
 
     def refined(ws, tol, arcs):
         if ws.here is not found[0]:
             raise OutOfTime
         return Status.SOLVED
 
-    monkeypatch.setattr(least_along, "_refined", refined)
+    monkeypatch.setattr(least_along, "_refine_contact", refined)
     monkeypatch.setattr(least_along, "_another", lambda *_: True)
-    monkeypatch.setattr(least_along, "touched", lambda _: ())
+    monkeypatch.setattr(least_along, "contact_parts", lambda _: ())
     best, status, _ = least_along._least(ws, 1e-8, found)
     assert (best.here, status) == (found[0], Status.SOLVED)
     with pytest.raises(OutOfTime):

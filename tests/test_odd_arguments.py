@@ -146,11 +146,16 @@ def calls(folder):
 
 # Methods that the rooms call on each other's objects, and users do not.
 INTERNAL = {
-    *("Problem.found_at", "System.assembled", "System.lagrangian_of"),
+    *("Problem.found_at", "System.assemble", "System.lagrangian_of"),
     *("Mesh.cut", "Mesh.over", "Path.carried_on", "Periodic.after", "Problem.closed_from"),
-    *("Problem.found", "Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
+    *("Problem.with_times", "Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
     *("System.check_free", "System.dynamics", "System.forget", "System.memoize"),
-    *("System.operations", "System.pointwise", "System.sought", "System.with_parameters"),
+    *(
+        "System.operations",
+        "System.pointwise",
+        "System.with_contact_distance",
+        "System.with_parameters",
+    ),
     *("Variation.moved", "Variation.nodes"),
 }
 

@@ -7,7 +7,7 @@ import actionopt as ao
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.places import settled
+from actionopt.solver.component_newton import settle_by_component
 
 
 def force(q):
@@ -39,7 +39,7 @@ def test_a_motion_far_from_the_line_is_reached_where_one_damping_factor_fails():
     tr = Transcription(problem, Mesh.uniform(0.0, 1.0, 4, 6), problem.lengths)
     z = tr.pack(tr.straight())
     assert approach(tr, z, 30) is None
-    found, _ = settled(tr, z)
+    found, _ = settle_by_component(tr, z)
     assert found is not None
     assert np.abs(tr.residual(found)).max() < 1e-3 * np.abs(tr.residual(z)).max()
 
@@ -60,5 +60,5 @@ def test_where_there_is_none_it_ends():
     system = ao.System(lagrangian, [f"q{j}" for j in range(4)])
     problem = ao.Problem(system, ao.Event(0.0, [0.0] * 4), ao.Event(1.0, [0.0] * 4))
     tr = Transcription(problem, Mesh.uniform(0.0, 1.0, 4, 6), problem.lengths)
-    found, count = settled(tr, tr.pack(tr.straight()))
+    found, count = settle_by_component(tr, tr.pack(tr.straight()))
     assert found is None and count > 100

@@ -6,7 +6,7 @@ from helpers import same_bits
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import refined, resolution
+from actionopt.discrete.resolution import cheapest_mesh, resolution
 from actionopt.tools.lobatto import lgl
 
 ONE = np.ones(1)
@@ -40,7 +40,7 @@ def meet(f, mesh, target, sizes=ONE, rounds=12):
         found = resolved(f, mesh, sizes)
         if found.worst <= target:
             return mesh, k
-        mesh = refined(found, target)
+        mesh = cheapest_mesh(found, target)
     raise AssertionError(f"{rounds} rounds did not reach {target}, still {found.worst}")
 
 
@@ -109,7 +109,7 @@ def test_one_round_is_enough_for_an_entire_function():
     mesh, rounds = meet(lambda t: np.sin(5 * t), Mesh.uniform(0, 1, 2, 8), 1e-10)
     assert rounds == 1
     # An element that is finer than needed gets a lower degree.
-    coarser = refined(resolved(lambda t: np.sin(5 * t), mesh), 1e-3)
+    coarser = cheapest_mesh(resolved(lambda t: np.sin(5 * t), mesh), 1e-3)
     assert sum(coarser.degrees) < sum(mesh.degrees)
 
 
@@ -130,7 +130,7 @@ def test_layers_take_few_elements(where):
 
 def test_sparse_factors_take_higher_degrees_and_fewer_nodes():
     found = resolved(lambda t: np.sin(40 * t), Mesh.uniform(-1.0, 1.0, 8, 6))
-    full, sparse = refined(found, 1e-9), refined(found, 1e-9, sparse=True)
+    full, sparse = cheapest_mesh(found, 1e-9), cheapest_mesh(found, 1e-9, sparse=True)
     assert max(sparse.degrees) > max(full.degrees)
     assert sum(sparse.degrees) < sum(full.degrees)
     for mesh in (full, sparse):
@@ -141,7 +141,7 @@ def test_a_layer_is_cut_out_alike_in_every_element():
     boundaries = []
     for k in range(3):
         found = resolved(lambda t, k=k: np.tanh((t - k - 0.3) / 1e-6), Mesh.uniform(0, 3, 3, 10))
-        boundaries.append(refined(found, 1e-12).boundaries - k)
+        boundaries.append(cheapest_mesh(found, 1e-12).boundaries - k)
     inner = [b[(b >= 0) & (b <= 1)] for b in boundaries]
     assert inner[0].size > 3
     assert np.allclose(inner[1], inner[0], rtol=0, atol=1e-12)
@@ -156,7 +156,7 @@ def test_an_element_of_degree_one_or_two_is_refined_as_well():
 
 def test_a_refined_mesh_covers_the_same_times_exactly():
     mesh = Mesh([0.1, 0.30000000000000004, 0.7], [5, 9])
-    finer = refined(resolved(lambda t: np.abs(t - 0.4) ** 1.5, mesh), 1e-8)
+    finer = cheapest_mesh(resolved(lambda t: np.abs(t - 0.4) ** 1.5, mesh), 1e-8)
     assert finer.boundaries[0] == 0.1 and finer.boundaries[-1] == 0.7
     assert finer.elements > 2
     assert set(mesh.boundaries) <= set(finer.boundaries)
@@ -165,7 +165,7 @@ def test_a_refined_mesh_covers_the_same_times_exactly():
 def test_the_same_mesh_comes_out_twice():
     mesh = Mesh.uniform(0, 1, 5, 7)
     found = resolved(pole(0.01), mesh)
-    first, second = (refined(found, 1e-9) for _ in range(2))
+    first, second = (cheapest_mesh(found, 1e-9) for _ in range(2))
     same_bits(first.boundaries, second.boundaries, because="it is the same computation")
     assert first.degrees == second.degrees
 

@@ -9,7 +9,7 @@ from helpers import a_quarter
 
 import actionopt as ao
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.second_quadrature import aside
+from actionopt.discrete.second_quadrature import departure
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.lobatto import lgl
 
@@ -87,13 +87,13 @@ def test_a_total_time_derivative_changes_nothing(c, w, tol):
 def test_nothing_is_evaluated_where_nothing_can_be_missed(monkeypatch):
     """Linear equations with constant coefficients have forces as smooth as the path."""
     asked = []
-    missed = Transcription.missed
+    missed = Transcription.quadrature_defect
 
     def counted(tr, z, **options):
         asked.append(1)
         return missed(tr, z, **options)
 
-    monkeypatch.setattr(Transcription, "missed", counted)
+    monkeypatch.setattr(Transcription, "quadrature_defect", counted)
     ao.solve(line(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, 1.0, 0.3))
     assert not asked
     ao.solve(line(lambda q, v, t: (v[0] ** 2 - q[0] ** 2 * (1 + 1e-9 * t)) / 2, 1.0, 0.3))
@@ -112,14 +112,14 @@ def test_what_is_missed_is_that_of_the_elements():
         return tr, tr.pack(tr.straight())
 
     tr, z = pushed(1.0, Mesh.uniform(0.0, 1.0, 5, 6))
-    assert np.max(np.abs(tr.missed(z)[0])) > 1e-3
+    assert np.max(np.abs(tr.quadrature_defect(z)[0])) > 1e-3
     shares = tr.uneven(z)  # the pulse is between the third and the fourth element
     assert np.min(shares[2:4]) > 1e3 * np.max(np.abs(shares[[0, 1, 4]]))
     assert shares[2] == pytest.approx(shares[3], rel=1e-6)  # and symmetric about the node
     other, z = pushed(-1.0, tr.mesh)
     assert other.uneven(z) == pytest.approx(shares, rel=1e-9, abs=1e-15)
     fine, z = pushed(1.0, Mesh.uniform(0.0, 1.0, 200, 6))
-    assert np.max(np.abs(fine.missed(z)[0])) < 1e-9
+    assert np.max(np.abs(fine.quadrature_defect(z)[0])) < 1e-9
 
 
 @pytest.mark.parametrize("push", [1.0, -1.0])
@@ -155,7 +155,7 @@ def test_under_a_constraint_a_motion_is_followed_along_it():
     force = pulse * (along + 3 * across) - m * rate**2 * across
     tangent = along[..., None] * along[..., None, :]
     inverse = np.eye(2)[None] / m
-    q, v = aside(rule, np.array([[[half]]]), force, m * rate * along, inverse, tangent)
+    q, v = departure(rule, np.array([[[half]]]), force, m * rate * along, inverse, tangent)
     gained = kick / m * np.array([math.erf(x) for x in t / width]) / 2
     turn = rate * half
     assert np.sum(v * along, axis=2)[0] == pytest.approx(gained, abs=turn**2 * kick / m)

@@ -6,8 +6,8 @@ import systems
 
 import actionopt as ao
 from actionopt.discrete.factors import Factors
-from actionopt.solver import ladder
-from actionopt.solver.solve import LADDERS, solve_near
+from actionopt.solver import strategies
+from actionopt.solver.solve import BY_METHOD, solve_near
 from actionopt.tools.watch import OutOfTime, Spent, Watch
 
 PENDULUM = systems.pendulum(g=9.81)
@@ -44,7 +44,7 @@ ALL = pytest.mark.parametrize(
 )
 
 
-class Dead(ladder.Rung):
+class Dead(strategies.Strategy):
     """A way that ends in a signal: where it is asked whether it applies, or where it is tried."""
 
     signal: Exception
@@ -64,9 +64,9 @@ class Dead(ladder.Rung):
 def test_a_way_that_leads_nowhere_is_followed_by_the_next(monkeypatch, signal, applying):
     monkeypatch.setattr(Dead, "signal", signal, raising=False)
     monkeypatch.setattr(Dead, "applying", applying)
-    monkeypatch.setitem(LADDERS, "auto", (Dead("dead", (4,)), *ladder.LADDER))
+    monkeypatch.setitem(BY_METHOD, "auto", (Dead("dead", (4,)), *strategies.STRATEGIES))
     assert ao.solve(QUESTIONS["events"]).success
-    monkeypatch.setitem(LADDERS, "auto", (Dead("dead", (4,)),))
+    monkeypatch.setitem(BY_METHOD, "auto", (Dead("dead", (4,)),))
     assert ao.solve(QUESTIONS["events"], throw=False).status is ao.Status.NOT_FOUND
 
 
@@ -106,7 +106,7 @@ def singular():
 @pytest.mark.parametrize("first", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_singular_matrices_end_in_a_verdict(monkeypatch, name, first):
     problem = QUESTIONS[name]
-    monkeypatch.setattr(ladder, "BUDGET", 1000)
+    monkeypatch.setattr(strategies, "BUDGET", 1000)
     with monkeypatch.context() as broken:
         counting(broken, first, singular)
         found = ao.solve(problem, throw=False)

@@ -7,7 +7,7 @@ from helpers import a_quarter
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.arclength import Point
+from actionopt.discrete.arclength import BranchPoint
 from actionopt.families.marks import locate
 from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
 
@@ -138,10 +138,10 @@ class Line:
     """A branch that is a straight line, s along it."""
 
     def __init__(self):
-        self.here = Point(None, np.zeros(1), 0.0, np.ones(2))
+        self.here = BranchPoint(None, np.zeros(1), 0.0, np.ones(2))
 
     def step(self, point, length):
-        return Point(None, np.full(1, length), float(length), np.ones(2)), 1
+        return BranchPoint(None, np.full(1, length), float(length), np.ones(2)), 1
 
     def at(self, s):
         return None
@@ -233,7 +233,7 @@ def test_where_a_branch_will_be_infinite(before, now, goal, pole, part, monkeypa
     run.origin, run.goal, run.pole_size = part * goal, goal, POLE_SIZE
     sizes = dict([before, now])
     monkeypatch.setattr(_TraceRun, "_size", lambda self, point: sizes[point.s])
-    here, there = (Point(None, None, s, None) for s in (before[0], now[0]))
+    here, there = (BranchPoint(None, None, s, None) for s in (before[0], now[0]))
     found = run._pole(here, there)
     assert found == (None if pole is None else pytest.approx(pole, abs=1e-7))
 

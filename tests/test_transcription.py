@@ -12,7 +12,7 @@ import systems
 from helpers import a_quarter
 from numpy.polynomial import Legendre, Polynomial
 
-from actionopt.discrete.factors import compressed
+from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Periodic, Problem
@@ -184,7 +184,7 @@ def dense(pattern, nonzeros):
 
 
 def kkt(tr, z):
-    return dense(tr.layout.kkt, compressed(tr.layout, tr.kkt(z)))
+    return dense(tr.layout.kkt, kkt_nonzeros(tr.layout, tr.kkt(z)))
 
 
 def mismatch(found, known):

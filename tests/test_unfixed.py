@@ -206,7 +206,7 @@ def test_what_does_not_fit_is_refused():
 
 def test_a_straight_line_has_the_energy_over_one_duration():
     """E = d^2 / (2 T^2) + g h / 2; the durations that are tried are a factor 1.8 apart."""
-    (T,) = FirstPaths(throw(40.0), 1e-8)._crossed()
+    (T,) = FirstPaths(throw(40.0), 1e-8)._durations_of_energy()
     assert pytest.approx(np.sqrt(17.0 / (80.0 - G)), rel=0.1) == T
 
 

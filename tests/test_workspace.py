@@ -57,7 +57,7 @@ def test_of_two_samples_of_round_off_the_larger_is_taken():
     ws = Workspace(Problem(spring, *ends), linear=True)
     ws.transcribe(Mesh.uniform(0.0, ends[1].t, 4, 12), None)
     assert ws.follow()
-    lucky, unlucky = (replace(ws.here, noise=noise).sampled() for noise in (0.0, 1.0))
+    lucky, unlucky = (replace(ws.here, noise=noise).with_larger_noise() for noise in (0.0, 1.0))
     assert 1e-13 < lucky.noise < 1e-8 and lucky.error > 4 * lucky.noise
     assert unlucky.noise == 1.0
 
@@ -66,7 +66,7 @@ def growth(ws):
     return ws.here.with_probed(False).growth
 
 
-@pytest.mark.parametrize("told", [growth, Workspace.missed])
+@pytest.mark.parametrize("told", [growth, Workspace.quadrature_shift])
 def test_errors_are_told_of_the_path_at_hand(told):
     _, ws = on_the_way()
     assert ws.follow()
@@ -205,4 +205,4 @@ def test_what_is_lost_on_tiny_elements_has_a_kink(recovered, elements, kinked):
     t = p.start.t + p.duration * np.array([0.0, 0.5, 0.5 + elements, 1.0])
     ws.transcribe(Mesh(t, [6, 6, 6]), None)
     ws.recovered = recovered
-    assert ws.kinked == kinked
+    assert ws.has_kink == kinked

@@ -160,7 +160,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     there = bordered.discrete(y) if asked.closes else at
     found, form = _count(there, error, known, (bordered, y))
     found = with_duration(found, bordered, y, form)
-    moves, held = min(found.nullity, known), len(bordered.given)
+    moves, held = min(found.nullity, known), len(bordered.start_coordinates)
     if held and form is not None and found.nullity > known:
         # What is given chooses of a family; a symmetry may well lead along what is left of that.
         there = _held_at_start(form, asked.start.pinned)

@@ -7,12 +7,12 @@ import numpy as np
 from actionopt.analysis.index import ERROR_GAIN, INDEX_RESOLUTION, INDEX_TOLERANCE, LOOSEST
 from actionopt.analysis.jacobi import COEFFICIENT_NOISE, COEFFICIENT_SAMPLES
 from actionopt.discrete.mesh import MAX_DEGREE
-from actionopt.discrete.stacks import Factored, Shape, Stack, pivots
+from actionopt.discrete.stacks import Factored, Stack, StackShape, pivots
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import RANK, Array
 
 
-def indices(shape: Shape, times: Array, packed: Array, Q: Array, error: float) -> Array:
+def indices(shape: StackShape, times: Array, packed: Array, Q: Array, error: float) -> Array:
     """Return the indices of stationary paths Q (C, K, n) known to `error`, (C,) of int.
 
     As `index.inertia`: where two counts agree, on a mesh that resolves all solutions of the

@@ -26,7 +26,7 @@ from actionopt.discrete.borders import moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
-from actionopt.discrete.layout import bordered
+from actionopt.discrete.layout import border_matrix
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.newton import follow
 from actionopt.discrete.resolution import SHORTEST
@@ -91,7 +91,7 @@ def resolve(first: DiscretePath, error: float, tol: float, *, polish: bool = Fal
         if mesh is None:
             break
         at = first.on(mesh, first.multipliers(mesh.nodes))
-        found = form(at.polished() if polish else at)
+        found = form(at.polish() if polish else at)
     return found
 
 
@@ -108,7 +108,7 @@ def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
     for _ in range(FIELD_ROUNDS):
         equations: Equations = at.tr
         z = at.z
-        if first.problem.unfixed:
+        if first.problem.has_free_boundary:
             rows = np.nan_to_num(at.rows) if at.tr.layout.rows else None
             equations, z = Bordered.around(asked, at.path, rows, at.tr.lengths, moves_of(asked))
         near = _stationary(equations, z, nullity)
@@ -145,7 +145,7 @@ def _stationary(equations: Equations, z: Array, nullity: int) -> tuple[Array, fl
             right = np.eye(1 + nullity, size + nullity, size - 1)
             right[0, :size] = equations.residual(z)
             try:
-                matrix = Factors(*bordered(layout, equations.kkt(z), *edges))
+                matrix = Factors(*border_matrix(layout, equations.kkt(z), *edges))
                 found = np.stack([matrix.solve(column) for column in right], axis=1)
             except np.linalg.LinAlgError:  # singular all the same
                 return None

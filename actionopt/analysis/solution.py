@@ -19,7 +19,7 @@ from actionopt.analysis.index import Inertia, inertia, inertia_asked, inertia_th
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
-from actionopt.discrete.action import Units
+from actionopt.discrete.action import ActionUnits
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_joint_times
 from actionopt.discrete.mesh import Mesh
@@ -577,7 +577,7 @@ class SolveError(RuntimeError):
         return SolveError, (str(self), self.solution)
 
 
-def _restore(made: list[Any], mesh: Mesh, z: Array, lengths: Array, units: Units) -> Solution:
+def _restore(made: list[Any], mesh: Mesh, z: Array, lengths: Array, units: ActionUnits) -> Solution:
     """Return a solution whose path is known as unknowns z, in the units of its transcription."""
     known = DiscretePath(Transcription(made[0], mesh, lengths, like=units), z)
     made[1] = known.path

@@ -275,7 +275,7 @@ def _problem(found: Solution, system: System | str | None) -> Problem | None:
             events = [_event_asked(known, *x) for x in zip(ends, free, surfaces, strict=True)]
             question = Problem(system, *events, parameters=known.parameters, energy=energy)
             found_at = np.array([e.q for e in ends])
-            problem = question.found(known.start.t, known.end.t, found_at)
+            problem = question.with_times(known.start.t, known.end.t, found_at)
         tr = Transcription(problem, found.mesh, problem.lengths)
         action, S = tr.action_and_gradient(found.path.values.T)[0], found.action
         # A failed attempt may have an infinite one, or none.

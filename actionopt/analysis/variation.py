@@ -180,7 +180,7 @@ def variation(
             f"expected a Path or a callable of times that returns (n, K), found {eta!r} as eta"
         )
     mesh, known = resolving(solution.mesh, eta), solution.discrete
-    at = known.on(mesh, known.multipliers(mesh.nodes)).polished()
+    at = known.on(mesh, known.multipliers(mesh.nodes)).polish()
     units = numbers(unit, "the unit")
     if not are_units(units, problem.system.n):
         raise ValueError(

@@ -38,7 +38,7 @@ from actionopt.tools.watch import check_time
 
 
 @dataclass(eq=False, slots=True)
-class Point:
+class Evaluations:
     """What was computed for unknowns, to be used again; `x` are their bytes, soon compared.
 
     Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`,
@@ -55,7 +55,7 @@ class Point:
     between: tuple[Array, ...] | None = None  # q, v, L_q, L_v and L where else L was evaluated
 
 
-class Units(NamedTuple):
+class ActionUnits(NamedTuple):
     """The origin of coordinates, an inertia, and the units of action and of constraints' rows."""
 
     origin: Array | None
@@ -89,7 +89,7 @@ class Action:
         mesh: Mesh,
         lengths: Array,
         *,
-        like: Action | Units | None = None,
+        like: Action | ActionUnits | None = None,
     ) -> None:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.nodal = terms(problem, mesh) if problem.has_tails else ()
@@ -103,7 +103,7 @@ class Action:
         layout, n = self.layout, problem.system.n
         self.sides = sides(mesh, problem.instants) if problem.instants else None
         self.times = np.concatenate(
-            [self.timed(g.elements, mesh.nodes[g.nodes]) for g in layout.groups]
+            [self.element_times(g.elements, mesh.nodes[g.nodes]) for g in layout.groups]
         )
         self.half = mesh.lengths / 2
         self.halves = [self.half[g.elements][:, None, None] for g in layout.groups]
@@ -118,7 +118,7 @@ class Action:
         self.x_unit = lengths[layout.free % n]
         self.origin = problem.origin if like is None else like.origin
         self.x_origin = None if self.origin is None else self.origin[layout.free % n]
-        self._point: Point | None = None
+        self._point: Evaluations | None = None
         self._kept: dict[str, Any] = {}
         self.unfolded: dict[tuple[str, int], tuple[Array, Array]] = {}
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
@@ -152,11 +152,11 @@ class Action:
         return self.mesh.offsets[[0, *inner, -1]]
 
     @property
-    def units(self) -> Units:
+    def units(self) -> ActionUnits:
         """What may be those of another mesh: `like` needs no more."""
-        return Units(self.origin, self.inertia, self.action_unit, self.row_units)
+        return ActionUnits(self.origin, self.inertia, self.action_unit, self.row_units)
 
-    def timed(self, elements: NDInt, times: Array) -> Array:
+    def element_times(self, elements: NDInt, times: Array) -> Array:
         """Return times in elements (E,), (E, K), in a column: on the elements' side of a switch."""
         if self.sides is not None:
             low, high = self.sides
@@ -177,7 +177,7 @@ class Action:
             other.nodal = terms(problem, self.mesh)
         return other
 
-    def stretched(self, problem: Problem) -> Self:
+    def over_times(self, problem: Problem) -> Self:
         """Return that of a problem over other times alone, in these units; L contains no time."""
         start, end = problem.start.t, problem.end.t
         other, before = copy(self), self.mesh
@@ -228,7 +228,7 @@ class Action:
         np.maximum.at(sizes, layout.G_rows, largest * self.lengths[layout.G_cols])
         return unit, np.where(sizes > 0, sizes, 1.0)
 
-    def scaled(self, row_units: Array) -> Self:
+    def with_row_units(self, row_units: Array) -> Self:
         """Return the same with other units (m,) of the constraints' rows."""
         other = copy(self)
         other.row_units = row_units
@@ -295,7 +295,7 @@ class Action:
             Q[-1] = self.problem.closed_from(Q[0])
         return Q
 
-    def measured(self, step: Array) -> float:
+    def relative_step(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step in z, in units of its own size.
 
         That is the unit of z, but for coordinates whose origin is far from zero.
@@ -326,7 +326,7 @@ class Action:
             parts.append((by_each(g.rule.derivative, q) / half).reshape(-1, at.shape[1]))
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
-    def place(self, x: Array) -> Point:
+    def place(self, x: Array) -> Evaluations:
         """Return what is known for x (unknowns,): the last one is kept."""
         point = self._point
         key = x.tobytes()
@@ -334,7 +334,7 @@ class Action:
             Q = self.coordinates(x)
             at = Q[self.layout.node_of]
             # Several threads may read one solution: what one found is never taken for another x.
-            self._point = point = Point(key, Q, at, self.velocities(at))
+            self._point = point = Evaluations(key, Q, at, self.velocities(at))
         return point
 
     def _first(self, x: Array) -> tuple[float, Array, Array]:
@@ -470,7 +470,7 @@ class Action:
         if self.problem.system.structure.steady:  # they are the same everywhere
             rest = np.zeros((1, self.problem.system.n))
             count = self.layout.evaluations
-            return self.kept(
+            return self.memoize_if_constant(
                 "second",
                 lambda: [x.repeat(count, axis=0) for x in function(rest, rest, self.times[:1], p)],
             )
@@ -529,7 +529,7 @@ class Action:
         H = self.layout.hessian
         return self.x_unit[H.row] * self.x_unit[H.col] / self.action_unit
 
-    def kept(self, name: str, made: Callable[[], Any]) -> Any:
+    def memoize_if_constant(self, name: str, made: Callable[[], Any]) -> Any:
         """Return what `made` makes of the mass matrix: made once, if that is constant."""
         if not self.problem.system.structure.constant_mass:
             return made()

@@ -22,10 +22,10 @@ import numpy as np
 
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import moves_of
-from actionopt.discrete.boundaries import moved
+from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
-from actionopt.discrete.layout import bordered
+from actionopt.discrete.layout import border_matrix
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -35,16 +35,15 @@ from actionopt.tools.types import Array
 
 # Ad hoc, but for `DIFFERENCE`.
 CORRECTIONS = 6  # of Newton's method: a step that takes more was too long
-LAST_CORRECTION = (
-    1e-9  # a correction of this size ends the corrector: the next one would be round-off
-)
+# a correction of this size ends the corrector: the next one would be round-off
+LAST_CORRECTION = 1e-9
 # Step in s, relative to its range, for dr/ds: near EPS^(1/3), as central differences ask.
 DIFFERENCE = 1e-6
 RUNAWAY_SIZE = 1e4  # coordinates this many times their size are no path worth following
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class BranchPoint:
     """A point of a branch: its transcription, unknowns z, s, and the direction (dz, ds)."""
 
     tr: Transcription | Bordered
@@ -92,7 +91,7 @@ class Branch:
     bordered: Bordered | None = None  # where more than the path is to be found
     solves: int = 0  # factorizations so far
 
-    def begun(self, path: Path, lam: Array | None, s: float) -> Array:
+    def first_unknowns(self, path: Path, lam: Array | None, s: float) -> Array:
         """Return the unknowns of the path at s, from which the branch is to begin."""
         problem = self.family(s)
         if problem.free_time or problem.closes or problem.on_surface:
@@ -109,19 +108,19 @@ class Branch:
         if self.bordered is not None:
             return self.bordered.of(problem)
         ends = problem.start.t, problem.end.t
-        mesh = moved(self.shape, self.instants, problem.instants, *ends)
+        mesh = carry_boundaries(self.shape, self.instants, problem.instants, *ends)
         tr = Transcription(problem, mesh, self.lengths, like=self.like)
         self.like = self.like or tr
         return tr
 
-    def first(self, z: Array, s: float, sign: float) -> Point:
+    def first(self, z: Array, s: float, sign: float) -> BranchPoint:
         """Return the point at s, with the direction in which s grows (or falls)."""
         unknowns = z.size
         ahead = np.r_[np.zeros(unknowns), sign * self.range]
-        point = Point(self.at(s), z, s, ahead)
+        point = BranchPoint(self.at(s), z, s, ahead)
         return replace(point, direction=self._direction(point))
 
-    def step(self, point: Point, length: float) -> tuple[Point, int] | None:
+    def step(self, point: BranchPoint, length: float) -> tuple[BranchPoint, int] | None:
         """Return the point at about `length` further along and the corrections it took, or None."""
         y = np.r_[point.z, point.s] + length * point.direction
         last = np.inf
@@ -129,7 +128,7 @@ class Branch:
             for k in range(1, CORRECTIONS + 1):
                 tr = self.at(y[-1])
                 miss = np.r_[tr.residual(y[:-1]), 0.0]
-                change = self._bordered(tr, y, point.direction, miss)
+                change = self._solve_bordered(tr, y, point.direction, miss)
                 if change is None:
                     return None
                 size = self.norm(tr, change)
@@ -137,7 +136,7 @@ class Branch:
                     return None
                 y, last = y - change, size
                 if size < LAST_CORRECTION:
-                    found = Point(tr, y[:-1], float(y[-1]), point.direction)
+                    found = BranchPoint(tr, y[:-1], float(y[-1]), point.direction)
                     # The transcription belongs to the s before the last, tiny correction.
                     found = replace(found, tr=self.at(found.s))
                     if not np.max(np.abs(found.z[: tr.layout.unknowns])) < RUNAWAY_SIZE:
@@ -145,7 +144,7 @@ class Branch:
                     return replace(found, direction=self._direction(found)), k
         return None
 
-    def to(self, point: Point, s: float) -> Point | None:
+    def to(self, point: BranchPoint, s: float) -> BranchPoint | None:
         """Return the point at exactly s, near `point`, by Newton's method there; or None."""
         z, tr, last = point.z, self.at(s), np.inf
         if point.direction[-1]:
@@ -154,7 +153,7 @@ class Branch:
         with np.errstate(all="ignore"):
             for _ in range(CORRECTIONS + 2):
                 miss = np.r_[tr.residual(z), 0.0]
-                change = self._bordered(tr, np.r_[z, s], fixed, miss)
+                change = self._solve_bordered(tr, np.r_[z, s], fixed, miss)
                 if change is None:
                     return None
                 size = self.norm(tr, change)
@@ -162,7 +161,7 @@ class Branch:
                     return None
                 z, last = z - change[:-1], size
                 if size < LAST_CORRECTION:
-                    found = Point(tr, z, s, point.direction)
+                    found = BranchPoint(tr, z, s, point.direction)
                     return replace(found, direction=self._direction(found))
         return None
 
@@ -170,7 +169,7 @@ class Branch:
         """Return the length of a change (dz, ds); multipliers do not count."""
         return float(np.sqrt(self.inner(tr, change, change)))
 
-    def angle(self, one: Point, other: Point) -> float:
+    def angle(self, one: BranchPoint, other: BranchPoint) -> float:
         """Return the cosine of the angle between the directions of two points."""
         return self.inner(one.tr, one.direction, other.direction)
 
@@ -179,16 +178,16 @@ class Branch:
         cut = tr.layout.unknowns
         return float(a[:cut] @ b[:cut] / max(cut, 1) + a[-1] * b[-1] / self.range**2)
 
-    def _direction(self, point: Point) -> Array:
+    def _direction(self, point: BranchPoint) -> Array:
         """Return the unit vector along the branch, on the side of the point's own direction."""
         right = np.r_[np.zeros(point.z.size), 1.0]
         y = np.r_[point.z, point.s]
-        found = self._bordered(point.tr, y, point.direction, right)
+        found = self._solve_bordered(point.tr, y, point.direction, right)
         if found is None or not np.all(np.isfinite(found)):
             return point.direction
         return found / self.norm(point.tr, found)
 
-    def _bordered(
+    def _solve_bordered(
         self, tr: Transcription | Bordered, y: Array, row: Array, right: Array
     ) -> Array | None:
         """Solve the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch."""
@@ -200,6 +199,6 @@ class Branch:
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
         edges = column[:, None], last[None, :-1], last[-1:, None]
         try:
-            return Factors(*bordered(tr.layout, tr.kkt(z), *edges)).solve(right)
+            return Factors(*border_matrix(tr.layout, tr.kkt(z), *edges)).solve(right)
         except np.linalg.LinAlgError:
             return None

@@ -16,7 +16,7 @@ def kkt(tr: Action, z: Array) -> Array:
     x = z[: layout.unknowns]
     A, B, C = tr.second(x)
     constant = tr.problem.system.structure.constant_mass  # then the kinetic part is kept
-    stiff = tr.kept("blocks", lambda: _stiff(tr, C)) if constant else []
+    stiff = tr.memoize_if_constant("blocks", lambda: _stiff(tr, C)) if constant else []
     mass = C if constant else _mass(tr, C)
     slopes = [(_full(tr, "second", 0, A), _full(tr, "second", 1, B), True)]
     if tr.problem.system.structure.forced:
@@ -117,12 +117,12 @@ def _full(tr: Action, function: str, output: int, values: Array) -> Array | None
     n = tr.problem.system.n
     key = function, output
     if key not in tr.unfolded:
-        tr.unfolded[key] = _unfolded(tr, function, output)
+        tr.unfolded[key] = _full_places(tr, function, output)
     index, unit = tr.unfolded[key]
     return (values[:, index] * unit).reshape(-1, n, n)
 
 
-def _unfolded(tr: Action, function: str, output: int) -> tuple[Array, Array]:
+def _full_places(tr: Action, function: str, output: int) -> tuple[Array, Array]:
     """Return which nonzero is each entry of the (n, n) matrix, (n^2,), and its unit; 0 for none."""
     n = tr.problem.system.n
     row, col = tr.problem.system.pointwise(function).sparsity(output)

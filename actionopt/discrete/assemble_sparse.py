@@ -47,11 +47,11 @@ def kinetic(tr: Action, z: Array) -> Array:
 def _curvatures(tr: Action, z: Array) -> Array:
     """Return all contributions to the Hessian of S + sum w lam f, one after the other."""
     A, B, C = tr.second(z[: tr.layout.unknowns])
-    stiff = tr.kept("contributions", lambda: _stiffness(tr, C))
+    stiff = tr.memoize_if_constant("contributions", lambda: _stiffness(tr, C))
     nodal = [term.matrix[np.triu_indices(len(term.matrix))] for term in tr.nodal]
     if not nodal:  # as on surfaces, which are beside the action
         nodal = [np.zeros(len(tr.layout.nodal) * tr.lengths.size * (tr.lengths.size + 1) // 2)]
-    parts = [*nodal, (tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
+    parts = [*nodal, (tr.weight * A).ravel(), *_mixed_weights(tr, B, diagonal_twice=True), stiff]
     curvature = tr.constraint_curvature(z)
     return np.concatenate(parts if curvature is None else [*parts, curvature.ravel()])
 
@@ -65,8 +65,8 @@ def _stiffness(tr: Action, C: Array) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _mixed(tr: Action, B: Array, diagonal_twice: bool) -> list[Array]:
-    """Return w_j D_jl B_j of each degree, flattened in the order of `Layout._mixed`."""
+def _mixed_weights(tr: Action, B: Array, diagonal_twice: bool) -> list[Array]:
+    """Return w_j D_jl B_j of each degree, flattened in the order of `Layout._mixed_targets`."""
     if not B.size:
         return []
     parts = []
@@ -85,7 +85,7 @@ def _mixed(tr: Action, B: Array, diagonal_twice: bool) -> list[Array]:
 def forcing(tr: Action, x: Array) -> Array:
     """Return the nonzeros of the derivative of the virtual work."""
     Fq, Fv = tr.forces(x)
-    parts = [(tr.weight * Fq).ravel(), *_mixed(tr, Fv, diagonal_twice=False)]
+    parts = [(tr.weight * Fq).ravel(), *_mixed_weights(tr, Fv, diagonal_twice=False)]
     F = tr.layout.forcing
     unit = tr.x_unit[F.row] * tr.x_unit[F.col] / tr.action_unit
     return F.sum(np.concatenate(parts)) * unit

@@ -140,7 +140,7 @@ class Blocks:
         power[n:] = -np.round(np.log2(np.fmax(rows.max(axis=1), np.finfo(float).tiny)))
         return (2**power)[self.places % f]
 
-    def scaled(self, nonzeros: Array, scale: Array) -> Array:
+    def rescale(self, nonzeros: Array, scale: Array) -> Array:
         """Return the nonzeros of the matrix with rows and columns times factors (size,)."""
         scaled, full = nonzeros.copy(), self.spread(scale)
         self.expand(full)
@@ -205,10 +205,10 @@ class Blocks:
             matrix.reshape(self.nodes, f, self.nodes, f)[self.offsets, :, self.offsets] += nodes
         self._fold(matrix.reshape(self.nodes, f, -1))
         self._fold(matrix.T.reshape(self.nodes, f, -1))
-        return matrix[self._whole]
+        return matrix[self._index]
 
     @cached_property
-    def _whole(self) -> tuple[Any, ...]:
+    def _index(self) -> tuple[Any, ...]:
         """Index of the rows and columns at `places`: slices where the places are consecutive."""
         first, size = self.places[:1].sum(), self.places.size
         if (self.places == first + np.arange(size)).all():
@@ -274,7 +274,7 @@ class Condensed:
         for M, g, absent in zip(elements, blocks.groups, blocks.absent_inside, strict=True):
             inner = _Inner(M, f, definite, absent)
             self.inner.append(inner)
-            S = inner.condensed
+            S = inner.end_blocks
             D[g.elements] += S[:, f:, f:]
             D[g.elements + 1] += S[:, :f, :f]
             U[g.elements], V[g.elements] = S[:, f:, :f], S[:, :f, f:]
@@ -316,12 +316,12 @@ class Condensed:
     def _carry(self, columns: Array, rows: Array, corner: Array) -> None:
         """Put beside the last matrix what the border becomes as all other nodes are eliminated."""
         blocks, b = self.blocks, len(corner)
-        self.across, C = self._down(blocks.spread(rows.T), rows=True)
+        self.across, C = self._eliminate(blocks.spread(rows.T), rows=True)
         for inner, y in zip(self.inner, self.across, strict=False):
             y[:, inner.places :] = 0.0  # what is left there is no pivot's
-        self.carried, B = self._down(blocks.spread(columns))
+        self.carried, B = self._eliminate(blocks.spread(columns))
         B, C = self._first(B).reshape(-1, b), self._first(C).reshape(-1, b)
-        self.last = np.block([[self.last, B], [C.T, corner - self._summed(self.carried)]])
+        self.last = np.block([[self.last, B], [C.T, corner - self._border_times(self.carried)]])
 
     def _first(self, between: Array) -> Array:
         """Return what is at the last nodes (s, f, c), that of a closed path's end at its start."""
@@ -330,7 +330,7 @@ class Condensed:
         between[0, self.blocks.closed] += between[-1, : self.blocks.closed.size]
         return between[:-1]
 
-    def _summed(self, eliminated: list[Array]) -> Array:
+    def _border_times(self, eliminated: list[Array]) -> Array:
         """Return the border's rows times what was eliminated, (b, c)."""
         total = np.zeros((self.across[0].shape[2], eliminated[0].shape[2]))
         for C, y in zip(self.across, eliminated, strict=True):
@@ -341,11 +341,11 @@ class Condensed:
         """Return the solution for one right-hand side, (size + b,)."""
         blocks, f, size = self.blocks, self.blocks.width, self.blocks.places.size
         full = blocks.spread(right[:size])[:, :, None]
-        eliminated, between = self._down(full)
+        eliminated, between = self._eliminate(full)
         between = self._first(between)
         left = between.ravel()
         if self.carried:
-            left = np.concatenate([left, right[size:] - self._summed(eliminated)[:, 0]])
+            left = np.concatenate([left, right[size:] - self._border_times(eliminated)[:, 0]])
         known = self.inverse
         left = np.linalg.solve(self.last, left) if known is None else known @ left
         beside = left[between.size :]
@@ -357,16 +357,16 @@ class Condensed:
             between = np.concatenate([between, np.zeros((1, f, 1))])
             blocks.expand(between)
         for level in reversed(self.levels):
-            between = level.up(eliminated.pop(), between)
+            between = level.substitute(eliminated.pop(), between)
         full[blocks.offsets] = between
         for inner, g, local in zip(self.inner, blocks.groups, eliminated, strict=True):
             local[:, -2 * f : -f], local[:, -f:] = between[g.elements + 1], between[g.elements]
-            inner.up(local)
+            inner.substitute(local)
             full[g.nodes[:, 1:-1]] = local[:, : inner.places].reshape(len(g.nodes), -1, f, 1)
         found = full.ravel()[blocks.places]
         return np.concatenate([found, beside]) if self.carried else found
 
-    def _down(self, full: Array, *, rows: bool = False) -> tuple[list[Array], Array]:
+    def _eliminate(self, full: Array, *, rows: bool = False) -> tuple[list[Array], Array]:
         """Eliminate from right sides (K, f, c), or from `rows` beside the matrix: forward.
 
         Return what was eliminated, (E, p + 2 f, c) for each degree and then (k, f, c) for each
@@ -378,13 +378,13 @@ class Condensed:
             local = np.zeros((*inner.W.shape[:2], full.shape[2]))
             inside = full[g.nodes[:, 1:-1]]
             local[:, : inner.places] = inside.reshape(len(inside), inner.places, full.shape[2])
-            inner.down(local, rows=rows)
+            inner.eliminate(local, rows=rows)
             between[g.elements + 1] += local[:, -2 * f : -f]
             between[g.elements] += local[:, -f:]
             eliminated.append(local)
         between[blocks.absent] = 0.0
         for level in self.levels:
-            y, between = level.down(between, rows=rows)
+            y, between = level.eliminate(between, rows=rows)
             eliminated.append(y)
         return eliminated, between
 
@@ -433,7 +433,7 @@ class _Inner:
                 W[some, rest, rest] -= W[some, rest, part] @ W[some, part, rest]
 
     @property
-    def condensed(self) -> Array:
+    def end_blocks(self) -> Array:
         """Schur's complement at the last and the first node, (E, 2 f, 2 f)."""
         return self.W[:, self.places :, self.places :]
 
@@ -442,7 +442,7 @@ class _Inner:
         """The pivots (E, c, c) of the parts."""
         return [self.W[:, part, part] for part, _ in self.parts]
 
-    def down(self, local: Array, *, rows: bool = False) -> None:
+    def eliminate(self, local: Array, *, rows: bool = False) -> None:
         """Put in place of the right sides (E, p + 2 f, c) those of the ends, others zero there.
 
         Or of `rows` beside the matrix.
@@ -455,7 +455,7 @@ class _Inner:
                 beside = self.W[:, part.stop :, part]
             local[:, part.stop :] -= beside @ local[:, part]
 
-    def up(self, local: Array) -> None:
+    def substitute(self, local: Array) -> None:
         """Put the solution inside in its place, that of the ends given."""
         for part, _ in reversed(self.parts):
             local[:, part] -= self.W[:, part, part.stop :] @ local[:, part.stop :]
@@ -500,7 +500,7 @@ class _Level:
             U, V = np.concatenate([U, last[0]]), np.concatenate([V, last[1]])
         return cls(pivot, inverse, left, right, above, below, (rest, U, V), spare)
 
-    def down(self, right: Array, *, rows: bool) -> tuple[Array, Array]:
+    def eliminate(self, right: Array, *, rows: bool) -> tuple[Array, Array]:
         """Return the eliminated nodes (k, f, c) with zero neighbours; the right side of the rest.
 
         Or the same of `rows` beside the matrix.
@@ -516,7 +516,7 @@ class _Level:
         even[1 : 1 + k] -= after @ y[:k]
         return y, even
 
-    def up(self, y: Array, even: Array) -> Array:
+    def substitute(self, y: Array, even: Array) -> Array:
         """Return all nodes, from those of the rest, `even`."""
         whole = np.empty((len(y) + len(even), *y.shape[1:]))
         odd = whole[1::2]

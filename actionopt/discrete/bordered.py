@@ -34,7 +34,7 @@ from actionopt.discrete.borders import (
     over,
     times_of,
 )
-from actionopt.discrete.boundaries import moved, stretch_legs
+from actionopt.discrete.boundaries import carry_boundaries, stretch_legs
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_joint_times, by_times
 from actionopt.discrete.factors import Factors
@@ -70,7 +70,7 @@ class Bordered:
     def __post_init__(self) -> None:
         self.free = self.asked.loose
         ends = np.cumsum([self.first.layout.size, *(b.size for b in self.borders)]).tolist()
-        self.layout = self.first.layout.bordered(ends[-1] - ends[0])
+        self.layout = self.first.layout.with_border(ends[-1] - ends[0])
         self.parts = [slice(a, b) for a, b in pairwise(ends)]
         self.unit = self.first.mesh.duration
         # How far a path moves, in its sizes, as its duration grows by a part of itself.
@@ -188,7 +188,7 @@ class Bordered:
         return self.layout.size - self.forces.start
 
     @property
-    def given(self) -> tuple[int, ...]:
+    def start_coordinates(self) -> tuple[int, ...]:
         """Coordinates at the start that say where a closed path begins."""
         return next((b.given for b in self.borders if isinstance(b, PhaseCondition)), ())
 
@@ -199,7 +199,7 @@ class Bordered:
         return next(found, self.unit)
 
     @property
-    def timed(self) -> tuple[Times, slice] | None:
+    def times_border(self) -> tuple[Times, slice] | None:
         """The border of the events' times, and where its unknowns are; None if there is none."""
         pairs = zip(self.borders, self.parts, strict=True)
         return next(((b, part) for b, part in pairs if isinstance(b, Times)), None)
@@ -210,11 +210,11 @@ class Bordered:
         for border, part in zip(self.borders, self.parts, strict=True):
             if isinstance(border, Integral):
                 kappa = border.kappa(y[part])
-        if self.timed is None and kappa is None:
+        if self.times_border is None and kappa is None:
             return self._over(self.duration(y))
-        if self.timed is None:
+        if self.times_border is None:
             return self._of_course(times_of(self.first.problem), kappa)
-        border, part = self.timed
+        border, part = self.times_border
         return self._of_course(border.times(y[part]), kappa)
 
     def _of_course(self, times: Array, kappa: Array | None) -> Transcription:
@@ -233,25 +233,25 @@ class Bordered:
     def _over(self, duration: float) -> Transcription:
         if self._last is None or duration != self._last.mesh.duration:
             problem, like = over(self.free, duration), self._like
-            if like is not None and not self._clocked:
-                self._last = like.stretched(problem)
+            if like is not None and not self._depends_on_clock:
+                self._last = like.over_times(problem)
                 return self._last
             like, ends = self.first, (problem.start.t, problem.end.t)
-            mesh = moved(like.mesh, like.problem.instants, problem.instants, *ends)
+            mesh = carry_boundaries(like.mesh, like.problem.instants, problem.instants, *ends)
             self._last = Transcription(problem, mesh, like.lengths, like=like)
             self._last.counts, self._last.watch = like.counts, like.watch
             self._like = self._like or self._last
         return self._last
 
     @property
-    def _clocked(self) -> bool:
+    def _depends_on_clock(self) -> bool:
         """Whether more than the rates changes with the duration."""
         timed = any(e is not None and e.on.depends_on_time for e in self.asked.surfaces)
         return timed or self.asked.system.structure.depends_on_time
 
-    def missed(self, y: Array, *, followed: bool = True) -> tuple[Array, float]:
+    def quadrature_defect(self, y: Array, *, followed: bool = True) -> tuple[Array, float]:
         """Return what another quadrature adds to the residual, (size,), and a free body's drift."""
-        miss, drift = self.at(y).missed(y, followed=followed)
+        miss, drift = self.at(y).quadrature_defect(y, followed=followed)
         return self._of_path(miss), drift
 
     def misread(self, y: Array) -> Array:
@@ -279,7 +279,7 @@ class Bordered:
 
     def _gradient(self, at: DiscretePath) -> Gradient:
         """Return the derivatives of the action, by the times only if they are unknown."""
-        if self.timed is not None:
+        if self.times_border is not None:
             times = by_joint_times(at) / at.tr.action_unit
         elif self.late is not None:
             times = np.array(by_times(at)) / at.tr.action_unit
@@ -289,7 +289,7 @@ class Bordered:
 
     def kkt(self, y: Array) -> Array:
         """Return the nonzeros of the derivative of `residual`, as the layout says."""
-        return self.layout.joined(*self._derivatives(y))
+        return self.layout.join(*self._derivatives(y))
 
     def kinetic(self, y: Array) -> Array:
         """Return the kinetic part of the path's matrix, stored as `kkt` is; of times that of rates.
@@ -299,19 +299,19 @@ class Bordered:
         at, size = self.discrete(y), self.first.layout.size
         b = self.layout.border
         D = np.zeros((b, b))
-        if self.timed is not None:
+        if self.times_border is not None:
             second, point = at.problem.system.pointwise("second"), at.tr.place(at.x)
             mass = second.product(2, at.tr.second(at.x)[2], point.v, symmetric=True)
-            part = self.timed[1]
+            part = self.times_border[1]
             own = np.arange(part.start - size, part.stop - size)
             D[own, own] = float(np.sum(at.tr.weight * point.v * mass)) / at.tr.action_unit
         edge = np.zeros((size, b))
-        return self.layout.joined(at.tr.kinetic(at.z), edge, edge.T, D)
+        return self.layout.join(at.tr.kinetic(at.z), edge, edge.T, D)
 
     def _derivatives(self, y: Array) -> tuple[Array, Array, Array, Array]:
         """Return the nonzeros of K, the columns B and rows C beside it, and the corner D."""
         at, size, late = self.discrete(y), self.first.layout.size, self.late
-        clocked, timed = self._clocked, self.timed
+        clocked, timed = self._depends_on_clock, self.times_border
         if timed is not None or (late is not None and not clocked):  # they are asked for twice
             at.tr.place(at.x).second = [x.copy() for x in at.tr.second(at.x)]
         K, added = at.tr.kkt(at.z), self.layout.border
@@ -344,8 +344,8 @@ class Bordered:
         self, at: DiscretePath, y: Array, bend: Bend, of_times: Array, edges: tuple[Array, ...]
     ) -> None:
         """Make of derivatives by times those by the unknowns of `Times`."""
-        assert self.timed is not None and bend.path is not None
-        (border, part), size, (B, C, D) = self.timed, len(bend.path), edges
+        assert self.times_border is not None and bend.path is not None
+        (border, part), size, (B, C, D) = self.times_border, len(bend.path), edges
         own, gradient = slice(part.start - size, part.stop - size), self._gradient(at)
         for other, where in zip(self.borders, self.parts, strict=True):
             other.residual(at, y[where], gradient)
@@ -376,7 +376,7 @@ class Bordered:
         row, column, own = np.r_[C[k], D[k]], np.r_[B[:, k], D[:, k]], D[k, k]
         B[:, k], C[k], D[k], D[:, k], D[k, k] = 0.0, 0.0, 0.0, 0.0, 1.0
         row[self.late] = column[self.late] = 0.0
-        return float(own - row @ Factors(self.layout, self.layout.joined(K, B, C, D)).solve(column))
+        return float(own - row @ Factors(self.layout, self.layout.join(K, B, C, D)).solve(column))
 
     def by_duration(self, y: Array) -> Array:
         """Return the derivative of T (E - H) by the unknowns, log T among them, (size,)."""
@@ -385,11 +385,11 @@ class Bordered:
         k = self.late - len(B)
         return np.r_[C[k], D[k]]
 
-    def measured(self, step: Array) -> float:
+    def relative_step(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step, as a function of time."""
-        found = self.first.measured(step)
-        if self.timed is not None:
-            return max(found, self.reach * float(np.abs(step[self.timed[1]]).max()))
+        found = self.first.relative_step(step)
+        if self.times_border is not None:
+            return max(found, self.reach * float(np.abs(step[self.times_border[1]]).max()))
         if self.late is None:
             return found
         return max(found, self.reach * abs(float(step[self.late])))

@@ -131,7 +131,7 @@ def over(problem: Problem, duration: float) -> Problem:
     """Return the problem at a duration, where its own is free; the times that are given stay."""
     if not problem.free_time:
         return problem
-    return problem.found(*times(problem, duration))
+    return problem.with_times(*times(problem, duration))
 
 
 def times(problem: Problem, duration: float) -> tuple[float, float]:
@@ -299,9 +299,9 @@ class Times:
             if shared:
                 part = (part - np.outer(h, h) / h.sum())[:, :-1]
             by_h[run, own] = part
-        return self._summed(by_h)
+        return self._add_durations(by_h)
 
-    def _summed(self, by_h: Array) -> Array:
+    def _add_durations(self, by_h: Array) -> Array:
         """Return the change of the times (k + 2, ...) that belongs to that of the durations."""
         found = np.concatenate([np.zeros((1, *by_h.shape[1:])), np.cumsum(by_h, axis=0)])
         fixed = np.flatnonzero(np.isfinite(self.given))
@@ -395,11 +395,11 @@ class Rows:
     def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
         """Return on (s,), in units of the rows."""
         on, by_q, by_t, _ = surface_at(at, self.event)
-        gradient.path[self.places] += beta @ self._scaled(at, by_q)
+        gradient.path[self.places] += beta @ self._scale(at, by_q)
         gradient.times[self.event] += float(beta @ (by_t / self.units))
         return on / self.units
 
-    def _scaled(self, at: DiscretePath, by_q: Array) -> Array:
+    def _scale(self, at: DiscretePath, by_q: Array) -> Array:
         """Return the derivatives of the rows by the unknowns, (s, k), of those by q (s, n)."""
         return by_q[:, self.free] * at.tr.lengths[self.free] / self.units[:, None]
 
@@ -408,7 +408,7 @@ class Rows:
         layout, s, k = at.tr.layout, self.size, self.event
         rows = np.zeros((s, layout.size))
         _, by_q, by_t, _ = surface_at(at, k)
-        rows[:, self.places] = self._scaled(at, by_q)
+        rows[:, self.places] = self._scale(at, by_q)
         event, t = event_at(at, k)
         q = at.Q[at.tr.joints[k]]
         bent = event.on.bending(q, t, at.problem.packed, beta / self.units)

@@ -11,7 +11,7 @@ from actionopt.tools.types import EPS, Array, NDInt
 SNAPPED = 0.25  # of an element: a boundary that is nearer to an instant is moved there; ad hoc
 
 
-def moved(
+def carry_boundaries(
     mesh: Mesh, old: tuple[Instant, ...], new: tuple[Instant, ...], start: float, end: float
 ) -> Mesh:
     """Return the mesh on [start, end]; boundaries at the `old` instants move to the `new` ones.
@@ -28,7 +28,7 @@ def moved(
     return Mesh.over(start, end, since, mesh.degrees)
 
 
-def bounded(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
+def with_boundaries(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
     """Return the mesh with boundaries at the instants; one that is close is moved there."""
     b, slack = mesh.since, _slack(mesh)
     at = _inside(known, mesh.boundaries[0], mesh.duration, slack)

@@ -34,7 +34,7 @@ PRESSING = 1e-12
 VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
 
 
-def stretched(tr: Transcription, times: Array, moves: Array) -> Transcription:
+def with_contact_times(tr: Transcription, times: Array, moves: Array) -> Transcription:
     """Return the discrete problem whose times of contact (J,) move, and the elements with them."""
     held = tr.problem
     assert isinstance(held, Held) and held.arcs is not None
@@ -45,7 +45,7 @@ def stretched(tr: Transcription, times: Array, moves: Array) -> Transcription:
             for arc in held.arcs
         )
     )
-    before, now = (np.union1d(held.fixed, t) - held.start.t for t in (times, times + moves))
+    before, now = (np.union1d(held.fixed_times, t) - held.start.t for t in (times, times + moves))
     before[-1] = now[-1] = held.duration
     mesh = tr.mesh.cut(np.interp(tr.mesh.since, before, now), tr.mesh.degrees)
     return Transcription(moved, mesh, tr.lengths, like=tr)
@@ -64,7 +64,7 @@ def tangential(
     at = DiscretePath(tr, z[: tr.layout.size])
     held, stretch = tr.problem, Stretch(at)
     assert isinstance(held, Held)
-    knots, where = np.union1d(held.fixed, times), np.searchsorted(held.fixed, times)
+    knots, where = np.union1d(held.fixed_times, times), np.searchsorted(held.fixed_times, times)
     # All times from one on move, so that a short part behind it keeps its length.
     shifted = (where[:, None] == where) & (np.arange(count)[:, None] >= np.arange(count))
     rates = np.zeros((count, knots.size))
@@ -103,11 +103,11 @@ def tangential(
 
 def without(held: Held, a: float, b: float) -> tuple[Arc, ...]:
     """Return the parts in contact when what is between two times of contact has vanished."""
-    both = a if a in held.fixed else b if b in held.fixed else (a + b) / 2
+    both = a if a in held.fixed_times else b if b in held.fixed_times else (a + b) / 2
     found: list[Arc] = []
     for arc in sorted(held.arcs or (), key=lambda arc: (arc.row, arc.begin)):
         begin, end = (both if t in (a, b) else t for t in (arc.begin, arc.end))
-        if begin == end and begin not in held.fixed:
+        if begin == end and begin not in held.fixed_times:
             continue
         if found and found[-1].row == arc.row and begin <= found[-1].end:
             begin = found.pop().begin
@@ -182,7 +182,7 @@ def slips(at: DiscretePath) -> Iterator[Slip]:
     assert isinstance(held, Held) and held.arcs is not None
     for arc in held.arcs:
         for t, first in ((arc.begin, False), (arc.end, True)):
-            if t not in held.fixed:
+            if t not in held.fixed_times:
                 b = int(np.argmin(np.abs(mesh.boundaries - t)))
                 yield _slip(at, held.free.system.m + arc.row, b, first)
 

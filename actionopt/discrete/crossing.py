@@ -16,8 +16,8 @@ from actionopt.discrete.energy_balance import (
     INNER_PARTS,
     Imbalance,
     imbalance,
-    narrowed,
-    rounded,
+    narrow,
+    round_off_time,
 )
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
@@ -54,7 +54,7 @@ class Jump:
         return f"{jumps}, and the energy by {self.energy:.3g}"
 
 
-def crossed(found: Switches, problem: Problem, path: Path) -> Jump | None:
+def first_crossing(found: Switches, problem: Problem, path: Path) -> Jump | None:
     """Return the first jump of L that `path` crosses, or None."""
 
     def state(since: Array) -> tuple[Array, Array, Array]:
@@ -92,7 +92,7 @@ def crossed(found: Switches, problem: Problem, path: Path) -> Jump | None:
     return replace(jump, inevitable=bool((c[0] != c[-1]).any()), surface=changed)
 
 
-def unbalanced(at: DiscretePath, error: float) -> Jump | Imbalance | None:
+def find_imbalance(at: DiscretePath, error: float) -> Jump | Imbalance | None:
     """Return a jump of L behind an imbalance of energy, or where there is one without, or None.
 
     `error` is that of the path, in its own size.
@@ -104,10 +104,10 @@ def jump_or(at: DiscretePath, found: Imbalance | None) -> Jump | Imbalance | Non
     """Return a jump of L behind an imbalance of energy, or the imbalance if there is none."""
     if found is None:
         return None
-    found = narrowed(at.problem, at.path, found)
+    found = narrow(at.problem, at.path, found)
     if found is None:
         return None
-    close = found.high - found.low <= INNER_PARTS * rounded(at.problem)
+    close = found.high - found.low <= INNER_PARTS * round_off_time(at.problem)
     first = _first_jump(at.problem, at.path, found.low[close], found.high[close])
     if first is not None:
         return first[0]
@@ -122,7 +122,7 @@ def _first_jump(problem: Problem, path: Path, low: Array, high: Array) -> tuple[
     """
     if not low.size:
         return None
-    apart = np.maximum(high - low, rounded(problem))[:, None]
+    apart = np.maximum(high - low, round_off_time(problem))[:, None]
     since = np.hstack([low[:, None] - apart * WIDER, high[:, None] + apart * WIDER])
     since = np.clip(since, 0.0, problem.duration)
     q, v = (part.T for part in path.carried_on(since.ravel(), 1.0))

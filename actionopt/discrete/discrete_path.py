@@ -149,7 +149,7 @@ class DiscretePath:
                 found[:, i] = np.interp(wanted, nodes[known], row[known])
         return found
 
-    def polished(self) -> DiscretePath:
+    def polish(self) -> DiscretePath:
         """Return the stationary path near, or this one where Newton's method finds none."""
         near = follow(self.tr, self.z)
         return DiscretePath(self.tr, near.z) if near.converged else self

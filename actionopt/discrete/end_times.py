@@ -141,7 +141,7 @@ def by_joint_times_twice(at: DiscretePath) -> tuple[Array, Array]:
     mass = second.product(2, C, v, symmetric=True).copy()
     size = layout.node_count * n
 
-    def scattered(at_node: Array, by_rate: Array) -> Array:
+    def scatter(at_node: Array, by_rate: Array) -> Array:
         """Return sums over nodes, (unknowns, legs), of what acts on q and on v there."""
         change = w * at_node
         for g in layout.groups:
@@ -152,17 +152,17 @@ def by_joint_times_twice(at: DiscretePath) -> tuple[Array, Array]:
         return whole[layout.free] * (tr.x_unit / tr.action_unit)[:, None]
 
     each = T[leg][:, None]
-    by_T = scattered((force - mixed) / each, -mass / each)
+    by_T = scatter((force - mixed) / each, -mass / each)
     by_a = np.zeros_like(by_T)
     weight = w[:, 0]
     bent = np.sum(v * mass, axis=1) / T[leg] ** 2
     S_aa, S_aT = np.zeros(count), np.zeros(count)
     if system.structure.depends_on_time:
-        made = system.memoize("clocked", lambda: _clocked(system))
+        made = system.memoize("clocked", lambda: _clock_derivatives(system))
         parts = made(q, v, tr.times, problem.packed)
         L_qt, p_t, L_t, L_tt = (x.copy() for x in parts)
-        by_a = scattered(L_qt, p_t)
-        by_T += scattered(s[:, None] * L_qt, s[:, None] * p_t)
+        by_a = scatter(L_qt, p_t)
+        by_T += scatter(s[:, None] * L_qt, s[:, None] * p_t)
         off = (L_t[:, 0] - np.sum(v * p_t, axis=1)) / T[leg]
         bent = bent + 2 * s * off + s**2 * L_tt[:, 0]
         S_aa = np.bincount(leg, weight * L_tt[:, 0], count)
@@ -178,7 +178,7 @@ def by_joint_times_twice(at: DiscretePath) -> tuple[Array, Array]:
     return path, times
 
 
-def _clocked(system: System) -> Pointwise:
+def _clock_derivatives(system: System) -> Pointwise:
     """Return the function of L_qt, L_vt, L_t and L_tt."""
     s = system.symbols
     rate = ca.jacobian(system.L, s.t)

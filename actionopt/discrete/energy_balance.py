@@ -164,7 +164,7 @@ class Balance:
         allowed = (error + ROUNDOFF) * self.unit + ROUNDOFF * self.read
         if all((np.abs(part) <= allowed).all() for part in self.off) or not np.isfinite(error):
             return None
-        mesh, width = self.tr.mesh, rounded(self.tr.problem)
+        mesh, width = self.tr.mesh, round_off_time(self.tr.problem)
         inner, off = mesh.since[1:-1], np.concatenate([part.ravel() for part in self.off])
         low, high = self._intervals()
         low, high = np.append(low, inner - width), np.append(high, inner + width)
@@ -234,13 +234,13 @@ class Balance:
                 done[here].reshape(len(b.elements), -1)[:, 0] += jumps[b.elements]
             cuts.append(first)
         if path is not None and structure.depends_on_time:
-            by_time += self._stepped(path, low, high, by_time)
+            by_time += self._steps_in_time(path, low, high, by_time)
         done, order = np.nan_to_num(done - by_time), np.argsort(low, kind="stable")
         done[order] = done[order].cumsum()
         parts = zip(np.split(done, cuts[:-1]), self.samples, strict=True)
         return [part.reshape(len(rates[0]), -1)[:, :-1] for part, rates in parts]
 
-    def _stepped(self, path: Path, low: Array, high: Array, known: Array) -> Array:
+    def _steps_in_time(self, path: Path, low: Array, high: Array, known: Array) -> Array:
         """Return by how much L steps between times since the start, (K,), in the time alone.
 
         That is what it changes by there without a reason, if it is also what it changes by from
@@ -291,7 +291,7 @@ def imbalance(tr: Transcription, x: Array, error: float) -> Imbalance | None:
     return None if balance is None else balance.beyond(error)
 
 
-def narrowed(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None:
+def narrow(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None:
     """Return the shortest intervals in which the balance does not hold.
 
     The intervals are cut as long as one part in 16 has most of what is off in the whole: a step is
@@ -303,7 +303,7 @@ def narrowed(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None
     if not above.any():
         return None
     found = Imbalance(found.low[above], found.high[above], found.off[above], allowed)
-    shortest = rounded(problem)
+    shortest = round_off_time(problem)
     first = True  # what is off at first may be the sums'
     while (long := found.high - found.low > INNER_PARTS * shortest).any():
         edges = np.linspace(found.low[long], found.high[long], INNER_PARTS + 1)
@@ -346,7 +346,7 @@ def rounding(problem: Problem, path: Path) -> float:
     return ROUNDINGS * float(typical[np.argmax(sudden)])
 
 
-def rounded(problem: Problem) -> float:
+def round_off_time(problem: Problem) -> float:
     """Return an interval of time in which round-off may tell on which side of a step a path is."""
     return UNDECIDED * max(abs(problem.start.t), abs(problem.end.t), problem.duration)
 

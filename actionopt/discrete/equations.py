@@ -38,11 +38,11 @@ class Equations(Protocol):
         """Return the nonzeros of dr/dz, stored as `layout` says."""
         ...
 
-    def measured(self, step: Array, /) -> float:
+    def relative_step(self, step: Array, /) -> float:
         """Return the largest change of a coordinate by a step in z, in units of its own size."""
         ...
 
-    def missed(self, z: Array, /, *, followed: bool = True) -> tuple[Array, float]:
+    def quadrature_defect(self, z: Array, /, *, followed: bool = True) -> tuple[Array, float]:
         """Return what another quadrature adds to r(z), (size,), and how far it carries a body."""
         ...
 

@@ -65,7 +65,7 @@ class Factors:
         self._near: Callable[[Array], Array] | None = None  # what solves with a matrix near this
         # Of a closed path, whose events do not tell how large each coordinate is: another matrix,
         # and by what rows and columns of this one are scaled to it.
-        self._even = _evened(layout, nonzeros, many) if layout.closes else None
+        self._even = _equilibrate(layout, nonzeros, many) if layout.closes else None
 
     def near(self, nonzeros: Array) -> Factors:
         """Return those of a matrix near this one: solutions are refined from this one's.
@@ -82,12 +82,12 @@ class Factors:
         layout, pays = self.layout, self._pays
         if layout.small and not pays:
             return None
-        if layout.condensed and not pays:
+        if layout.uses_condensation and not pays:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
-                return self._condensed.solve
-        elif layout.unpivoted:
+                return self._condensed_blocks.solve
+        elif layout.needs_no_pivoting:
             if layout.keeps_factors:
-                return self._kept.solve
+                return self._kept_solver.solve
             return lambda right: _solver(layout, "ldl")(self._regular, right)
         elif isinstance(layout, BorderedLayout):
             with suppress(np.linalg.LinAlgError):
@@ -99,18 +99,18 @@ class Factors:
         """Whether sparse factors take less time than blocks or a full matrix."""
         layout, system = self.layout, self.layout.system
         slim = system.n + system.m <= SLIM and SPARSE <= layout.size <= PATTERN
-        return self._many and slim and layout.unpivoted
+        return self._many and slim and layout.needs_no_pivoting
 
     @cached_property
     def _regular(self) -> Array:
-        return _regular(self.layout, compressed(self.layout, self.nonzeros))
+        return _regular(self.layout, kkt_nonzeros(self.layout, self.nonzeros))
 
     @cached_property
-    def _kept(self) -> _Kept:
+    def _kept_solver(self) -> _Kept:
         return _Kept(self.layout, self.nonzeros)
 
     @cached_property
-    def _condensed(self) -> Condensed:
+    def _condensed_blocks(self) -> Condensed:
         layout = self.layout
         if isinstance(layout, BorderedLayout):
             K, *border = layout.split(self.nonzeros)
@@ -143,16 +143,12 @@ class Factors:
         if self._definite is not None:
             return self._definite(right)
         if self._near is not None:
-            x = self._refined(self._near, right, enough)
+            x = self._refine(self._near, right, enough)
             if x is not None:
                 return x
             self._near, self._accurate = None, False
         if self._direct is not None:
-            x = (
-                self._direct(right)
-                if self._accurate
-                else self._refined(self._direct, right, enough)
-            )
+            x = self._direct(right) if self._accurate else self._refine(self._direct, right, enough)
             if x is not None:
                 return x
             self._direct = None
@@ -163,7 +159,7 @@ class Factors:
             if self.layout.size > PATTERN:
                 raise np.linalg.LinAlgError("the matrix is singular")
             return np.linalg.solve(full(self.layout, self.nonzeros), right)
-        x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
+        x = _solver(self.layout, "qr")(kkt_nonzeros(self.layout, self.nonzeros), right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
@@ -189,7 +185,7 @@ class Factors:
             return self.negative() == 0
         try:
             if not self.layout.small:
-                self._condensed = Condensed(self.layout.blocks, self.nonzeros, definite=True)
+                self._condensed_blocks = Condensed(self.layout.blocks, self.nonzeros, definite=True)
                 return True
             self._definite = cholesky(self._full)
         except np.linalg.LinAlgError:
@@ -206,14 +202,14 @@ class Factors:
                 return 0
             return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
         if layout.storage == "blocks":
-            return self._condensed.negative()
+            return self._condensed_blocks.negative()
         if layout.keeps_factors:
-            return self._kept.negative
+            return self._kept_solver.negative
         matrix, solver = _matrix(layout, _regular(layout, self.nonzeros)), _solver(layout, "ldl")
         solver.analysed.nfact(matrix)
         return int(solver.analysed.neig(matrix))
 
-    def _refined(
+    def _refine(
         self, direct: Callable[[Array], Array], right: Array, enough: float = ACCURATE
     ) -> Array | None:
         """Return the solution by refinement of a direct one, or None if that does not converge."""
@@ -235,7 +231,7 @@ class Factors:
         )
 
 
-def _evened(layout: MatrixLayout, nonzeros: Array, many: bool) -> tuple[Factors, Array] | None:
+def _equilibrate(layout: MatrixLayout, nonzeros: Array, many: bool) -> tuple[Factors, Array] | None:
     """Return factors of the matrix with rows and columns scaled to one size, and by what, (size,).
 
     None where they are of one size, or the matrix is sparse: then nothing mixes coordinates.
@@ -246,10 +242,10 @@ def _evened(layout: MatrixLayout, nonzeros: Array, many: bool) -> tuple[Factors,
     scale = layout.blocks.scale(K)
     if scale is None:
         return None
-    K, whole = layout.blocks.scaled(K, scale), np.concatenate([scale, np.ones(layout.border)])
+    K, whole = layout.blocks.rescale(K, scale), np.concatenate([scale, np.ones(layout.border)])
     if isinstance(layout, BorderedLayout):
         B, C, D = border
-        K = layout.joined(K, scale[:, None] * B, C * scale, D)
+        K = layout.join(K, scale[:, None] * B, C * scale, D)
     return Factors(layout, K, many=many), whole
 
 
@@ -273,7 +269,7 @@ def diagonal(layout: MatrixLayout, values: Array) -> Array:
     return np.where(pattern.row == pattern.col, values[pattern.row], 0.0)
 
 
-def compressed(layout: MatrixLayout, nonzeros: Array) -> Array:
+def kkt_nonzeros(layout: MatrixLayout, nonzeros: Array) -> Array:
     """Return the nonzeros (nnz,) on the pattern `layout.kkt`."""
     return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
 
@@ -337,7 +333,7 @@ class _Kept:
     """
 
     def __init__(self, layout: MatrixLayout, nonzeros: Array) -> None:
-        values = _regular(layout, compressed(layout, nonzeros))
+        values = _regular(layout, kkt_nonzeros(layout, nonzeros))
         if layout.size > LARGE_SIZE:
             give_back()  # what the pattern was made with, a sixth of the most that is taken
         self._order = layout.solvers.get("order")
@@ -346,7 +342,7 @@ class _Kept:
             layout.solvers["order"] = np.array(self._factors[2])
         else:
             if "ordered" not in layout.solvers:
-                layout.solvers["ordered"] = _ordered(layout.kkt, self._order)
+                layout.solvers["ordered"] = _reorder(layout.kkt, self._order)
             sparsity, source = layout.solvers["ordered"]
             self._factors = ca.ldl(ca.DM(sparsity, memoryview(values[source])), False)  # type: ignore
         self._dense = ca.Sparsity.dense(layout.size)
@@ -368,7 +364,7 @@ class _Kept:
         return int(np.sum(self._factors[0].full() < 0))
 
 
-def _ordered(pattern: Pattern, order: NDInt) -> tuple[ca.Sparsity, NDInt]:
+def _reorder(pattern: Pattern, order: NDInt) -> tuple[ca.Sparsity, NDInt]:
     """Return the pattern with rows and columns in this order, and which nonzero is each of its."""
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
@@ -394,7 +390,9 @@ class _Edged:
         size = np.abs(K).max()
         held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
         K = K + size * held
-        self._inner = _Kept(inner, K).solve if inner.unpivoted else partial(_solver(inner, "qr"), K)
+        self._inner = (
+            _Kept(inner, K).solve if inner.needs_no_pivoting else partial(_solver(inner, "qr"), K)
+        )
         E = np.zeros((n, springs.size))
         E[springs, np.arange(springs.size)] = 1.0
         beside = np.concatenate([R, -size * E], axis=1)

@@ -56,19 +56,19 @@ class MatrixLayout:
         return self.storage == "blocks" and self.size <= FULL_SIZE
 
     @cached_property
-    def condensed(self) -> bool:
+    def uses_condensation(self) -> bool:
         """Whether the blocks are condensed to solve with."""
         return self.storage == "blocks" and not self.small
 
     @property
-    def unpivoted(self) -> bool:
+    def needs_no_pivoting(self) -> bool:
         """Whether factors without pivoting serve: those of a symmetric matrix."""
         return not (self.system.structure.forced or self.border)
 
     @property
     def keeps_factors(self) -> bool:
         """Whether sparse factors are kept: solutions under constraints have to be refined."""
-        kept = self.storage == "sparse" and self.unpivoted and self.size > KEPT_SIZE
+        kept = self.storage == "sparse" and self.needs_no_pivoting and self.size > KEPT_SIZE
         return kept and self.rows > 0
 
     @cached_property
@@ -147,7 +147,7 @@ class Layout(MatrixLayout):
             self._number_rows(in_force)
         self._bordered: dict[int, BorderedLayout] = {}
 
-    def bordered(self, border: int) -> BorderedLayout:
+    def with_border(self, border: int) -> BorderedLayout:
         """Return that of such a matrix with so many unknowns and equations beside it."""
         if border not in self._bordered:
             self._bordered[border] = BorderedLayout(self, border)
@@ -226,7 +226,11 @@ class Layout(MatrixLayout):
         if self.nodal:
             row, col = np.triu_indices(self.system.n)
             targets += [(self.number[k][row], self.number[k][col]) for k in self.nodal]
-        targets += [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
+        targets += [
+            self._diagonal("second", 0),
+            self._mixed_targets("second", 1),
+            self._stiff("second", 2),
+        ]
         if self.system.m and not self.system.structure.affine_constraint:
             rows, cols = self.system.pointwise("constraint_curvature").sparsity(0)
             at = self.number[self.row_nodes]
@@ -250,7 +254,7 @@ class Layout(MatrixLayout):
     @cached_property
     def forcing(self) -> Pattern:
         """Derivative of the virtual work of the non-conservative forces."""
-        targets = [self._diagonal("force_jacobian", 0), self._mixed("force_jacobian", 1)]
+        targets = [self._diagonal("force_jacobian", 0), self._mixed_targets("force_jacobian", 1)]
         return Pattern.build(self.unknowns, self.unknowns, targets)
 
     @cached_property
@@ -295,7 +299,7 @@ class Layout(MatrixLayout):
         at = self.number[self.node_of]
         return _pairs(at[:, rows], at[:, cols])
 
-    def _mixed(self, function: str, output: int):
+    def _mixed_targets(self, function: str, output: int):
         """Targets of w_j D_jl B_j: row at node j, column at node l, order (E, j, l, nonzero)."""
         rows, cols = self.system.pointwise(function).sparsity(output)
         parts = []
@@ -337,7 +341,7 @@ class BorderedLayout(MatrixLayout):
         self.unknowns, self.rows = inner.unknowns, inner.rows
         self.probe = np.concatenate([inner.probe, np.zeros(border)])
 
-    def joined(self, K: Array, B: Array, C: Array, D: Array) -> Array:
+    def join(self, K: Array, B: Array, C: Array, D: Array) -> Array:
         """Return the nonzeros of the whole from those of K, and B, C and D."""
         return np.concatenate([K, B.ravel(), C.ravel(), D.ravel()])
 
@@ -350,7 +354,7 @@ class BorderedLayout(MatrixLayout):
         return K, B.reshape(size, b), C.reshape(b, size), D.reshape(b, b)
 
 
-def bordered(
+def border_matrix(
     layout: Layout | BorderedLayout, nonzeros: Array, B: Array, C: Array, D: Array
 ) -> tuple[BorderedLayout, Array]:
     """Return the layout and the nonzeros of [K B; C D]; K may have a border of its own."""
@@ -359,8 +363,8 @@ def bordered(
         cut, layout = len(right), layout.inner
         D = np.block([[corner, B[cut:]], [C[:, cut:], D]])
         B, C = np.hstack([right, B[:cut]]), np.vstack([below, C[:, :cut]])
-    whole = layout.bordered(len(D))
-    return whole, whole.joined(nonzeros, B, C, D)
+    whole = layout.with_border(len(D))
+    return whole, whole.join(nonzeros, B, C, D)
 
 
 class _Solvers(threading.local):

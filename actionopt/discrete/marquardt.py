@@ -70,7 +70,7 @@ def settle(tr: Transcription, z: Array) -> Settled:
     with np.errstate(all="ignore"):
         try:
             at = _Masses.of(tr, z)
-            first, norm = at.balanced(z[:cut])
+            first, norm = at.balance(z[:cut])
             z = first if math.isfinite(norm) else z
             plain = True  # as long as it is known at once to lead there
             while 0 < norm < math.inf and count < MARQUARDT_STEPS and radius > NARROWEST:
@@ -80,8 +80,8 @@ def settle(tr: Transcription, z: Array) -> Settled:
                     plain = False
                     step = at.step(z, norm / (2 * radius * math.sqrt(at.total)))
                 Q = project(tr, tr.coordinates(z + step))
-                trial, left = at.balanced(tr.pack(Q)[:cut])
-                ratio, size = left / norm, tr.measured(trial - z)
+                trial, left = at.balance(tr.pack(Q)[:cut])
+                ratio, size = left / norm, tr.relative_step(trial - z)
                 if ratio < CONTRACTION and size < NEAR_STEP:
                     return Settled(trial, True, count)
                 if plain and not ratio < SURELY:
@@ -140,7 +140,7 @@ class _Masses:
         mass /= tr.action_unit
         return cls(tr, layout.solvers["marquardt"], mass, float(mass[M.row == M.col].sum()))
 
-    def balanced(self, x: Array) -> tuple[Array, float]:
+    def balance(self, x: Array) -> tuple[Array, float]:
         """Return (x, mu) with the multipliers of least residual, and its norm."""
         g, rows = self.tr.gradient(x), self.tr.layout.rows
         J = self.tr.jacobian(x) if rows else np.zeros(0)

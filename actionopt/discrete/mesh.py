@@ -93,7 +93,7 @@ class Mesh:
 
     def __reduce__(self) -> tuple:
         """Carry what the rest is made of."""
-        return _restored, (self.boundaries, self.since, self.degrees)
+        return _restore, (self.boundaries, self.since, self.degrees)
 
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""
@@ -122,7 +122,7 @@ class Mesh:
         """
         boundaries = start + since
         boundaries[-1] = end
-        return _restored(boundaries, np.array(since), degrees)
+        return _restore(boundaries, np.array(since), degrees)
 
     def cut(self, since: Array, degrees: int | ArrayLike) -> Mesh:
         """Return other elements over the same times; `since` as for `over`."""
@@ -192,7 +192,7 @@ class Mesh:
         return Mesh.over(start, end, since, self.degrees)
 
 
-def _restored(boundaries: Array, since: Array, degrees: int | ArrayLike) -> Mesh:
+def _restore(boundaries: Array, since: Array, degrees: int | ArrayLike) -> Mesh:
     """Return the mesh with these boundaries and distances (N + 1,), which are made read-only."""
     mesh = object.__new__(Mesh)
     mesh._set(boundaries, since, degrees)

@@ -145,13 +145,13 @@ def _steps(
     step = factors.solve(residual)
     chords = CHORDS if factors.cheap else 1
     for again in range(chords + 2):
-        z, size = z - step, tr.measured(step)
+        z, size = z - step, tr.relative_step(step)
         residual = tr.residual(z)
         step = factors.solve(residual)
-        rest = tr.measured(step)
+        rest = tr.relative_step(step)
         if converged or rest <= target:
             if not residual.any():  # a path of zeros has no round-off of its own
-                rest = tr.measured(factors.solve(_roundoff(tr, factors)))
+                rest = tr.relative_step(factors.solve(_roundoff(tr, factors)))
             return z, rest, ratio, True
         ratio = rest / size if size else 0.0
         stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
@@ -165,7 +165,7 @@ def _steps(
     return z - step, rest, ratio, False
 
 
-def moved(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bool]:
+def move_ends(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bool]:
     """Return where the stationary path z of `tr` goes when its ends move to those of `to`.
 
     Along the tangent of the family of paths, which is smooth where new ends alone would kink the
@@ -176,7 +176,7 @@ def moved(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bool]:
     cut = tr.layout.unknowns
     with np.errstate(all="ignore"):
         factors = Factors(tr.layout, tr.kkt(z), many=True)
-        step, near = factors.solve(_pulled(tr, z, to, factors)), True
+        step, near = factors.solve(_residual_change(tr, z, to, factors)), True
         z = z - step
         for _ in range(CHORDS - 1 if factors.cheap else 0):
             last, step = _size(step[:cut]), factors.solve(to.residual(z))
@@ -188,7 +188,7 @@ def moved(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bool]:
     return z, near
 
 
-def _pulled(tr: Transcription, z: Array, to: Transcription, factors: Factors) -> Array:
+def _residual_change(tr: Transcription, z: Array, to: Transcription, factors: Factors) -> Array:
     """Return how the residual of `tr` at z changes with its ends, to those of `to`, (size,)."""
     ends = tr.ends[[0, -1]]
     change = to.ends[[0, -1]] - ends
@@ -225,7 +225,7 @@ def approach(
             except np.linalg.LinAlgError:
                 return None
             length = _norm(step[:cut])
-            if tr.measured(step) < ROUNDOFF_STEP:
+            if tr.relative_step(step) < ROUNDOFF_STEP:
                 return z, k
             if last is not None and simplified is not None:
                 second = _norm((simplified - step)[:cut]) * length

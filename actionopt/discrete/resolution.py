@@ -64,7 +64,7 @@ class Resolution:
         return float(self.omitted.max())
 
     @cached_property
-    def expected(self) -> float:
+    def by_rate(self) -> float:
         """The same as errors are reckoned by: by the rate alone, where degrees are above five.
 
         `omitted`, by which meshes are made, is larger where degrees are below ten: what few
@@ -114,7 +114,7 @@ def left_out(rule: Rule, scaled: Array) -> tuple[Array, Array]:
     return final * np.exp(-min(2.0, max(d - 2, 0) / 4) * rate), rate
 
 
-def refined(found: Resolution, target: float, *, sparse: bool = False) -> Mesh:
+def cheapest_mesh(found: Resolution, target: float, *, sparse: bool = False) -> Mesh:
     """Return the cheapest mesh predicted to leave out no coefficient above `target`.
 
     Each element may keep its place with another degree, or be split. What it costs depends on
@@ -192,12 +192,12 @@ def _cheapest(
     # Per node. Measured on 2 to 20 coordinates: 10 + need; derived: the square of an element's
     # matrix, for more. The rest is ad hoc: few coordinates cost little beside another mesh, and
     # low degrees are predicted from nearer.
-    price = SPLITS * need * (10.0 + need + (need / n) ** 2 + (need * n / 100.0) ** 2)
+    cost = SPLITS * need * (10.0 + need + (need / n) ** 2 + (need * n / 100.0) ** 2)
     if sparse:
-        price = SPLITS * (need * (need + SPARSE_DEGREE))
-    price = np.where(usable, price, np.inf)
-    price[found.omitted <= target, 1:] = np.inf
-    choice = np.argmin(price, axis=1)
+        cost = SPLITS * (need * (need + SPARSE_DEGREE))
+    cost = np.where(usable, cost, np.inf)
+    cost[found.omitted <= target, 1:] = np.inf
+    choice = np.argmin(cost, axis=1)
     each = np.arange(degrees.size)
     short = found.mesh.lengths < SHORTEST * found.mesh.duration
     unresolved = ~usable.any(axis=1)

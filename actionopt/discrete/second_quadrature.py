@@ -77,13 +77,13 @@ def batches(tr: Action) -> list[Batch]:
             if structure.depends_on_time:
                 middle = mesh.since[g.elements[which], None] + half[which, 0]
                 times = times + (middle + half[which, 0] * rule.nodes)
-                times = tr.timed(g.elements[which], times)[:, 0]
+                times = tr.element_times(g.elements[which], times)[:, 0]
             where = g.elements[which], g.nodes[which], at[which].ravel(), half[which]
             found.append(Batch(*where, rule, g.rule.same, p, times[:, None]))
     return found
 
 
-def missed(
+def quadrature_defect(
     tr: Action, batches: list[Batch], x: Array, *, followed: bool = True
 ) -> tuple[Array, float]:
     """Return what another quadrature finds left of dS/dx, less what `tr` does, in its units.
@@ -113,7 +113,7 @@ def missed(
 
 
 def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
-    """Return the largest part of `missed` that is each element's, (N,)."""
+    """Return the largest part of `quadrature_defect` that is each element's, (N,)."""
     unit = tr.lengths / tr.action_unit
     here: dict[int, Array] = {}
     for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
@@ -139,10 +139,10 @@ def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
         found[e] = np.linspace(b[e], b[e + 1], CUT_PARTS + 1)[1:-1]
     if not tr.problem.system.structure.smooth:
         return found
-    for batch, values in _sampled(tr, x, batches):
+    for batch, values in _sample(tr, x, batches):
         if batch.panels < CUT_PARTS:
             continue
-        hidden = _hidden(tr, x, batch, values)
+        hidden = _omitted_detail(tr, x, batch, values)
         for e, panels in zip(batch.elements, hidden, strict=True):
             out = panels > PEAK_SHARE * panels.max()
             if coarse[e] and out.sum() <= batch.panels / CUT_PARTS:
@@ -157,20 +157,20 @@ def _values(
     """Yield forces and momenta at the points of each batch, where a motion goes if it matters."""
     structure = tr.problem.system.structure
     narrow = structure.samples and not structure.linear
-    return (_followed if followed and narrow else _sampled)(tr, x, batches)
+    return (_follow if followed and narrow else _sample)(tr, x, batches)
 
 
-def _followed(
+def _follow(
     tr: Action, x: Array, batches: list[Batch]
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
-    """Yield forces and momenta as `_sampled`, but where the forces lead between the nodes.
+    """Yield forces and momenta as `_sample`, but where the forces lead between the nodes.
 
     Polynomials that are stationary to all sums may still cross a narrow feature at a speed that is
     not the motion's, which gives it another momentum. That of the inertia times the change of
     velocity is left out: it would undo what the sums find. Constraints are followed to first order.
     """
     at = _points(tr, x, batches)
-    known = [values for _, values in _sampled(tr, x, batches)]
+    known = [values for _, values in _sample(tr, x, batches)]
     with np.errstate(all="ignore"):
         inertia = _inertia(tr, x)
         inverse = inverses(inertia, tr.lengths)
@@ -180,14 +180,14 @@ def _followed(
         )
         along = _tangents(tr, batches, at, inverse)
         steps = [
-            aside(b.rule, b.half, *values, back, tangent)
+            departure(b.rule, b.half, *values, back, tangent)
             for b, values, back, tangent in zip(batches, known, inverse, along, strict=True)
         ]
         beside = [
             (q + dq.reshape(q.shape), v + dv.reshape(v.shape))
             for (q, v), (dq, dv) in zip(at, steps, strict=True)
         ]
-        moved = list(_evaluated(tr, batches, beside))
+        moved = list(_evaluate(tr, batches, beside))
     for (b, (force, momentum)), here, mass, (_, v) in zip(moved, known, own, steps, strict=True):
         momentum = momentum - v @ mass
         if not np.isfinite(force.sum() + momentum.sum()):  # nothing is known beyond the laws
@@ -197,7 +197,7 @@ def _followed(
         yield b, (force, momentum)
 
 
-def aside(
+def departure(
     rule: Sampling,
     half: Array,
     force: Array,
@@ -216,15 +216,15 @@ def aside(
         gained, _ = rule.integrals(half * force)
         v = (gained - momentum) @ inverse
     else:  # of the forces of constraint, which are not known, nothing is left at any point
-        gained, _ = rule.integrals(_turned(tangent, half * force - rule.rates(momentum)))
-        _, whole = rule.integrals(_turned(tangent, gained))
-        v = _turned(tangent, gained - whole[:, None] / 2) @ inverse
+        gained, _ = rule.integrals(_multiply(tangent, half * force - rule.rates(momentum)))
+        _, whole = rule.integrals(_multiply(tangent, gained))
+        v = _multiply(tangent, gained - whole[:, None] / 2) @ inverse
     q, whole = rule.integrals(v)
     mean = whole[:, None] / 2
     return half * (q - mean * (rule.nodes[:, None] + 1)), v - mean
 
 
-def _turned(matrices: Array, vectors: Array) -> Array:
+def _multiply(matrices: Array, vectors: Array) -> Array:
     """Return the products of matrices (..., n, n) and vectors (..., n)."""
     return np.matmul(matrices, vectors[..., None])[..., 0]
 
@@ -283,12 +283,12 @@ def _inertia(tr: Action, x: Array) -> Array:
     return found
 
 
-def _sampled(
+def _sample(
     tr: Action, x: Array, batches: list[Batch]
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
     q, v, force, momentum, _ = values(tr, x, batches)
-    return _shared_out(tr, batches, _pushed(tr, q, v, times(tr, batches), force), momentum)
+    return _shared_out(tr, batches, _add_forces(tr, q, v, times(tr, batches), force), momentum)
 
 
 def values(tr: Action, x: Array, batches: list[Batch]) -> tuple[Array, ...]:
@@ -298,7 +298,7 @@ def values(tr: Action, x: Array, batches: list[Batch]) -> tuple[Array, ...]:
     """
     point = tr.place(x)
     if point.between is None:
-        q, v = (_joined(parts) for parts in zip(*_points(tr, x, batches), strict=True))
+        q, v = (_join(parts) for parts in zip(*_points(tr, x, batches), strict=True))
         first = tr.problem.system.pointwise("first")
         Lq, Lv, L = first(q, v, times(tr, batches), tr.problem.packed)
         point.between = q, v, Lq.copy(), Lv.copy(), L[:, 0].copy()
@@ -308,7 +308,7 @@ def values(tr: Action, x: Array, batches: list[Batch]) -> tuple[Array, ...]:
 def times(tr: Action, batches: list[Batch]) -> Array:
     """Return the times of the points, (points, 1), or (1, 1) where nothing depends on them."""
     t = [b.times for b in batches]
-    return _joined(t if tr.problem.system.structure.depends_on_time else t[:1])
+    return _join(t if tr.problem.system.structure.depends_on_time else t[:1])
 
 
 def _points(tr: Action, x: Array, batches: list[Batch]) -> list[tuple[Array, Array]]:
@@ -323,17 +323,17 @@ def _points(tr: Action, x: Array, batches: list[Batch]) -> list[tuple[Array, Arr
     return found
 
 
-def _evaluated(
+def _evaluate(
     tr: Action, batches: list[Batch], points: list[tuple[Array, Array]]
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
-    """Yield what `_sampled` does for given q and v."""
-    q, v = (_joined(parts) for parts in zip(*points, strict=True))
+    """Yield what `_sample` does for given q and v."""
+    q, v = (_join(parts) for parts in zip(*points, strict=True))
     t = times(tr, batches)
     force, momentum, _ = tr.problem.system.pointwise("first")(q, v, t, tr.problem.packed)
-    return _shared_out(tr, batches, _pushed(tr, q, v, t, force), momentum)
+    return _shared_out(tr, batches, _add_forces(tr, q, v, t, force), momentum)
 
 
-def _pushed(tr: Action, q: Array, v: Array, t: Array, force: Array) -> Array:
+def _add_forces(tr: Action, q: Array, v: Array, t: Array, force: Array) -> Array:
     """Return the forces dL/dq with those that are non-conservative."""
     if not tr.problem.system.structure.forced:
         return force
@@ -351,7 +351,7 @@ def _shared_out(
         yield b, (force[part].reshape(shape), momentum[part].reshape(shape))
 
 
-def _joined(parts: Sequence[Array]) -> Array:
+def _join(parts: Sequence[Array]) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
@@ -365,16 +365,16 @@ def _work(batch: Batch, force: Array, momentum: Array) -> Array:
     return work
 
 
-def _hidden(tr: Action, x: Array, batch: Batch, values: tuple[Array, Array]) -> Array:
+def _omitted_detail(tr: Action, x: Array, batch: Batch, values: tuple[Array, Array]) -> Array:
     """Return what the polynomials through the nodes miss in each panel, (E, panels).
 
     That is the largest difference of forces there, and of momenta over the element's length.
     """
     times = batch.times
     if times.size > 1:
-        times = tr.timed(batch.elements, tr.mesh.nodes[batch.nodes])
+        times = tr.element_times(batch.elements, tr.mesh.nodes[batch.nodes])
     own = replace(batch, rule=batch.own, times=times)
-    (_, known), *_ = list(_evaluated(tr, [own], _points(tr, x, [own])))
+    (_, known), *_ = list(_evaluate(tr, [own], _points(tr, x, [own])))
     between = batch.rule.values
     units = (tr.lengths, tr.lengths / (2 * batch.half))
     total = np.zeros(values[0].shape[:2])

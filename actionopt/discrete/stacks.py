@@ -20,7 +20,7 @@ import numpy as np
 
 from actionopt.discrete.energy_balance import ROUNDOFF
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.second_quadrature import PANEL_COUNTS, aside, inverses
+from actionopt.discrete.second_quadrature import PANEL_COUNTS, departure, inverses
 from actionopt.mechanics.columns import Columns
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
@@ -35,7 +35,7 @@ MATRICES, VALUES = 2**20, 2**17
 MOST_AT_ONCE, LEAST_AT_ONCE = 256, 8  # members
 
 
-class Shape:
+class StackShape:
     """A mesh over [0, 1] whose elements are of one degree, for the problems of one system.
 
     Parameters
@@ -72,11 +72,11 @@ class Shape:
         self.upper = np.cumsum(np.r_[0, np.arange(self.P, 1, -1)]).tolist()
         self._memory = np.empty(0)
 
-    def on(self, mesh: Mesh) -> Shape:
+    def on(self, mesh: Mesh) -> StackShape:
         """Return the same on another mesh."""
-        return Shape(self.system, mesh, self.free, self.units, self.action_unit)
+        return StackShape(self.system, mesh, self.free, self.units, self.action_unit)
 
-    def pinned(self, node: int) -> list[int]:
+    def pinned_coordinates(self, node: int) -> list[int]:
         """Return the coordinates that are given at a node between elements."""
         if 0 < node < self.E:
             return []
@@ -103,7 +103,7 @@ class Shape:
         return (b[:-1] + h / 2)[which] + h[which] / 2 * nodes[:, None]
 
     @cached_property
-    def sampled(self) -> list[tuple[NDInt | slice, Sampling]]:
+    def sampling(self) -> list[tuple[NDInt | slice, Sampling]]:
         """Where the equations are summed once more, by kinds of elements: see `second_quadrature`.
 
         Elements and rule of each kind.
@@ -123,7 +123,7 @@ class Shape:
     @cached_property
     def points(self) -> int:
         """The most times of one member at which functions are evaluated at once."""
-        other = (rule.nodes.size * np.arange(self.E)[which].size for which, rule in self.sampled)
+        other = (rule.nodes.size * np.arange(self.E)[which].size for which, rule in self.sampling)
         return max(self.P * self.E, *other)
 
     def assemble(self, M: Array, coefficients: list[Array]) -> None:
@@ -214,7 +214,7 @@ class Stack:
         Parameters.
     """
 
-    shape: Shape
+    shape: StackShape
     times: Array
     packed: Array
 
@@ -242,12 +242,12 @@ class Stack:
 
     def action(self, Q: Array) -> Array:
         """Return S, (C,), in the user's units."""
-        L = self._evaluated("value", Q, self.velocities(Q), self._at)[0]
+        L = self._evaluate("value", Q, self.velocities(Q), self._at)[0]
         return (self.weight * L[:, 0]).sum(axis=(0, 1))
 
     def gradient(self, Q: Array) -> Array:
         """Return the elements' parts of dS/dq, (P, n, E, C), in the user's units."""
-        force, momentum = self._evaluated("gradient", Q, self.velocities(Q), self._at)
+        force, momentum = self._evaluate("gradient", Q, self.velocities(Q), self._at)
         force *= self.weight[:, None]
         force += _work(self.shape.rule.weighted_derivative.T, momentum)
         return force
@@ -258,7 +258,7 @@ class Stack:
         As in `end_times`: nodes keep their relative times.
         """
         s, v = self.shape, self.velocities(Q)
-        L, p, by_time, by_parameters = self._evaluated("slopes", Q, v, self._at)
+        L, p, by_time, by_parameters = self._evaluate("slopes", Q, v, self._at)
         energy = (v * p).sum(axis=1) - L[:, 0]
         stretch = -(self.weight * energy).sum(axis=(0, 1)) / self.duration
         share, later = s.since[:, :, None], self.weight * by_time[:, 0]
@@ -276,18 +276,18 @@ class Stack:
         check_time()
         s = self.shape
         if nodes is None:
-            found = self._evaluated("second", Q, self.velocities(Q), self._at)
+            found = self._evaluate("second", Q, self.velocities(Q), self._at)
         else:
             there = s.rule.interpolation(nodes)
-            q, v = self._sampled(Q, there, there @ s.rule.derivative, self.half)
+            q, v = self._sample(Q, there, there @ s.rule.derivative, self.half)
             at = self._arguments(s.times_of(nodes, slice(None)))
-            found = self._evaluated("second", q, v, at)
+            found = self._evaluate("second", q, v, at)
         for k, x in enumerate(found):
             row, col = s.system.pointwise("second").sparsity(k)
             x *= (s.units[row] * s.units[col] / s.action_unit)[:, None, None]
         return found
 
-    def _sampled(self, Q: Array, values: Array, slopes: Array, half: Array) -> tuple[Array, Array]:
+    def _sample(self, Q: Array, values: Array, slopes: Array, half: Array) -> tuple[Array, Array]:
         """Return coordinates and velocities at other points, (points, n, E, C) each."""
         shape = (len(values), *Q.shape[1:])
         q = (values @ Q.reshape(len(Q), -1)).reshape(shape)
@@ -297,14 +297,14 @@ class Stack:
         """Return what is known at the points of another quadrature, by kinds of elements."""
         s, found = self.shape, []
         name = "gradient" if s.system.structure.jumpless else "balance"
-        for which, rule in s.sampled:
+        for which, rule in s.sampling:
             half = self.half[which]
-            q, v = self._sampled(Q[:, :, which], rule.values, rule.slopes, half)
+            q, v = self._sample(Q[:, :, which], rule.values, rule.slopes, half)
             at = self._arguments(s.times_of(rule.nodes, which))
-            found.append(Samples(which, rule, half, q, v, at, self._evaluated(name, q, v, at)))
+            found.append(Samples(which, rule, half, q, v, at, self._evaluate(name, q, v, at)))
         return found
 
-    def missed(
+    def quadrature_defect(
         self, samples: list[Samples], part: Array, second: list[Array] | None = None
     ) -> Array:
         """Return what another quadrature finds of dS/dq less the `part` of this one.
@@ -315,7 +315,7 @@ class Stack:
         for which, rule, half, q, v, at, (force, momentum, *_) in samples:
             if second is not None:
                 inertia = self._inertia(second[2][(s.P - 1) // 2][:, which])
-                force, momentum = self._followed(rule, half, (q, v), at, (force, momentum), inertia)
+                force, momentum = self._follow(rule, half, (q, v), at, (force, momentum), inertia)
             work = rule.weighted_values @ force.reshape(len(q), -1)
             work = work.reshape(s.P, *force.shape[1:]) * half
             found[:, :, which] += work + _work(rule.weighted_slopes, momentum)
@@ -331,7 +331,7 @@ class Stack:
         structure, none = s.system.structure, np.zeros(len(self.times))
         if structure.jumpless:
             return none, none
-        L, p, _, _ = self._evaluated("slopes", Q, v, self._at)
+        L, p, _, _ = self._evaluate("slopes", Q, v, self._at)
         at_ends, ends = L[[0, -1], 0], v[[0, -1]]
         step = (ends[0, :, 1:] - ends[1, :, :-1]) * (p[0, :, 1:] + p[-1, :, :-1]) / 2
         between = at_ends[0, 1:] - at_ends[1, :-1] - step.sum(axis=0)
@@ -376,7 +376,7 @@ class Stack:
         known = s.system.pointwise("second").full(2, flat, symmetric=True)
         return known / np.outer(s.units, s.units)
 
-    def _followed(
+    def _follow(
         self,
         rule: Sampling,
         half: Array,
@@ -397,14 +397,14 @@ class Stack:
 
         force, momentum = (rows(x) for x in known)
         inverse = inverses(inertia, self.shape.units)
-        q, v = aside(rule, half.reshape(-1, 1, 1), force, momentum, inverse)
+        q, v = departure(rule, half.reshape(-1, 1, 1), force, momentum, inverse)
         known = known[0].copy(), known[1].copy()
-        force, momentum = self._evaluated("gradient", here[0] + back(q), here[1] + back(v), at)
+        force, momentum = self._evaluate("gradient", here[0] + back(q), here[1] + back(v), at)
         momentum = momentum - back(v @ inertia)
         good = (np.isfinite(force) & np.isfinite(momentum)).all(axis=(0, 1))
         return np.where(good, force, known[0]), np.where(good, momentum, known[1])
 
-    def _evaluated(self, name: str, q: Array, v: Array, at: tuple[Array, Array]) -> list[Array]:
+    def _evaluate(self, name: str, q: Array, v: Array, at: tuple[Array, Array]) -> list[Array]:
         """Return a function's values at points (points, n, E, C), (points, numbers, E, C)."""
         points, n, elements, members = q.shape
         count = elements * members
@@ -454,7 +454,7 @@ class Factored:
         Pivots that are negative, as many as eigenvalues.
     """
 
-    def __init__(self, shape: Shape, coefficients: list[Array]) -> None:
+    def __init__(self, shape: StackShape, coefficients: list[Array]) -> None:
         s, n = shape, shape.n
         self.shape = shape
         self.M = M = s.matrix(coefficients[2].shape[2])
@@ -468,7 +468,7 @@ class Factored:
         self.levels: list[tuple[Array, Array]] = []
         carry = np.zeros((n, n, ends.shape[3]))
         for e in range(s.E + 1):
-            pinned = s.pinned(e)
+            pinned = s.pinned_coordinates(e)
             D, beside = carry, np.zeros_like(carry)
             if e < s.E:
                 D = carry + ends[:n, :n, e]
@@ -478,7 +478,7 @@ class Factored:
             for i in pinned:
                 D[i], D[:, i], beside[i] = 0.0, 0.0, 0.0
                 D[i, i] = 1.0
-            inverse, negative = _inverted(D)
+            inverse, negative = _invert(D)
             self.negative = self.negative + negative
             response = _times(inverse, beside)
             if e < s.E:
@@ -498,7 +498,7 @@ class Factored:
         beyond = np.zeros_like(ends[:n, ..., 0, :])
         for e, (inverse, response) in enumerate(self.levels):
             r = beyond + ends[:n, ..., e, :] if e < s.E else beyond
-            pinned = s.pinned(e)
+            pinned = s.pinned_coordinates(e)
             if pinned:
                 r[pinned] = 0.0
             kept.append(_times(inverse, r))
@@ -580,7 +580,7 @@ def _backward(M: Array, inverse: Array, right: Array) -> None:
         right[r] -= beyond
 
 
-def _inverted(D: Array) -> tuple[Array, Array]:
+def _invert(D: Array) -> tuple[Array, Array]:
     """Return the inverses of symmetric matrices (n, n, B), and their negative eigenvalues (B,)."""
     n = len(D)
     if n == 1:

@@ -38,14 +38,14 @@ class Stretch:
         mass = pointwise.product(2, self.second[2], v, symmetric=True)
         force, p, L = system.pointwise("first")(*state)
         self.own = tr.weight * (L + np.sum(v * (mass - p), axis=1, keepdims=True))
-        self.longer = tr.weight * (force - mixed) - self._worked(mass)
+        self.longer = tr.weight * (force - mixed) - self._work(mass)
         self.longer /= tr.mesh.lengths[self.element, None]
         if self.timed:
             self.later = [x.copy() for x in system.pointwise("first_rate")(*state)]
             self.fraction = tr.times[:, 0] - tr.mesh.boundaries[self.element]
             self.fraction /= tr.mesh.lengths[self.element]
 
-    def _worked(self, p: Array) -> Array:
+    def _work(self, p: Array) -> Array:
         """Return what momenta (evaluations, n) work at the nodes of their elements."""
         found = np.empty_like(p)
         for g in self.at.tr.layout.groups:
@@ -63,7 +63,7 @@ class Stretch:
         found = self.longer * np.diff(rates)[self.element, None]
         if self.timed:
             t, (force, momentum) = self._times(rates), self.later
-            found += self.at.tr.weight * t * force + self._worked(t * momentum)
+            found += self.at.tr.weight * t * force + self._work(t * momentum)
         return found
 
     def longer_by_time(self, rates: Array) -> float:

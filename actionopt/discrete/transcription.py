@@ -37,7 +37,7 @@ class Transcription(Action):
         Positive definite where the mass matrix is: the metric in which a step changes the
         velocities least. Only for systems without forces.
         """
-        return self.kept("kinetic", lambda: self._assembly.kinetic(self, z))
+        return self.memoize_if_constant("kinetic", lambda: self._assembly.kinetic(self, z))
 
     def momentum(self, y: Array) -> Array:
         """Return the kinetic part of the KKT matrix times the variation y, both (unknowns,).
@@ -64,7 +64,7 @@ class Transcription(Action):
         """Where else the equations are summed."""
         return second_quadrature.batches(self)
 
-    def missed(self, z: Array, *, followed: bool = True) -> tuple[Array, float]:
+    def quadrature_defect(self, z: Array, *, followed: bool = True) -> tuple[Array, float]:
         """Return the KKT residual that another quadrature adds to this one's, (size,).
 
         It shows forces that vary faster than the path. That of the constraints is left out. And the
@@ -72,7 +72,9 @@ class Transcription(Action):
         summed where the forces lead between the nodes, or on the path if it is not `followed`.
         """
         x = z[: self.layout.unknowns]
-        miss, drift = second_quadrature.missed(self, self.between_nodes, x, followed=followed)
+        miss, drift = second_quadrature.quadrature_defect(
+            self, self.between_nodes, x, followed=followed
+        )
         if self.layout.rows:
             miss = np.concatenate([miss, np.zeros(self.layout.rows)])
         return miss, drift
@@ -99,7 +101,7 @@ class Transcription(Action):
         other.times = times = away(self.times)
         if self.sides is not None:
             for g in self.layout.groups:
-                times[g.span] = self.timed(g.elements, times[g.span].reshape(g.nodes.shape))
+                times[g.span] = self.element_times(g.elements, times[g.span].reshape(g.nodes.shape))
         if self.origin is not None:
             Q = np.where(self.origin != 0.0, away(Q), Q)
         change = other.action_and_gradient(Q)[1] - self.action_and_gradient(self.place(z).Q)[1]

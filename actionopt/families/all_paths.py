@@ -22,9 +22,9 @@ from actionopt.families.searches import SAME_PATH, Answers
 from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
-from actionopt.solver.arguments import asked
+from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import solve_near
-from actionopt.solver.window import searched
+from actionopt.solver.window import for_search
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import tolerance
 from actionopt.tools.shown import row_of
@@ -202,14 +202,14 @@ def solve_all(
         closed paths without a clock, of which there are families; where `solve` refuses the
         problem and nothing was found.
     """
-    asked(problem)
+    check_problem(problem)
     tolerance(tol)
     check_progress(progress)
     problem = problem.asked or problem
     _check_clock(problem)
     whole = problem.whole
     if whole.is_infinite:
-        problem = searched(whole, tol)
+        problem = for_search(whole, tol)
     names = problem.system.coordinates
     if angles is None:
         turning = detected_angles(problem)

@@ -27,18 +27,18 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import ROUNDOFF
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.stacks import PROGRAMS, Shape, Stack, program
+from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, program
 from actionopt.families.budget import Budget
 from actionopt.families.common_mesh import between, denser, even
 from actionopt.families.members import Members, checked_columns, member, refusal
 from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
 from actionopt.families.vary import along, lead_to, place, slope
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import checked
+from actionopt.solver.arguments import check_arguments
 from actionopt.solver.family import NOISE
-from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
+from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplification, estimate, sizes
 from actionopt.solver.solve import Guess, moving, solve, solve_near
-from actionopt.solver.together import Followed, follow
+from actionopt.solver.together import FollowedStack, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array, NDInt
@@ -100,7 +100,7 @@ def solve_run(
         If a name is not one of these, values are not k finite numbers, or times do not
         increase; and as `solve` does for `tol` and the guess.
     """
-    checked(problem, tol, guess, "auto", None)
+    check_arguments(problem, tol, guess, "auto", None)
     run = _Members(problem, columns, tol, index, limited)
     run.go(guess, first, given or {})
     return run.members()
@@ -113,11 +113,11 @@ class _MeshLevel:
     Its number among the meshes, and finer ones on which indices are counted, itself first.
     """
 
-    shape: Shape
+    shape: StackShape
     gain: float
     probed: float
     number: int
-    finer: list[Shape]
+    finer: list[StackShape]
 
 
 class _Members:
@@ -230,7 +230,7 @@ class _Members:
             chosen = front.wave(left & ~self.doubtful[block], self.known[block])
             if chosen.size:
                 try:
-                    self._wave(block[chosen], front.nearest[chosen])
+                    self._solve_together(block[chosen], front.nearest[chosen])
                 except Exception:  # for one of them: each is solved alone
                     self.doubtful[block[chosen]] = True
                 new = block[chosen][self.known[block[chosen]]]
@@ -337,7 +337,7 @@ class _Members:
         start, end = (tuple(set(range(tr.lengths.size)) - set(e.pinned)) for e in ends)
         size = sizes(solution.path.values.T, self.problem.scales)
         mesh = even(solution.path, size, self._target)
-        shape = Shape(self.problem.system, mesh, (start, end), tr.lengths, tr.action_unit)
+        shape = StackShape(self.problem.system, mesh, (start, end), tr.lengths, tr.action_unit)
         if not self._add_level(i, solution.path, shape):
             return False
         self.seeds = np.zeros((len(self.status), mesh.offsets[-1] + 1, shape.n))
@@ -350,7 +350,7 @@ class _Members:
         """The largest coefficient that a mesh may leave out of the path that it is made for."""
         return MESH_MARGIN * self.tol / (2 * SAFETY)
 
-    def _add_level(self, i: int, path: Path, shape: Shape) -> bool:
+    def _add_level(self, i: int, path: Path, shape: StackShape) -> bool:
         """Add a mesh that resolves the path of a member; False if it cannot be followed there.
 
         On one of more nodes the path tells how far errors are amplified.
@@ -385,10 +385,10 @@ class _Members:
 
     # -- together --------------------------------------------------------------------------------
 
-    def _follow(self, shape: Shape, which: NDInt, Q: Array) -> Followed:
+    def _follow(self, shape: StackShape, which: NDInt, Q: Array) -> FollowedStack:
         return follow(shape, self.times[which], self.packed[which], Q, self.tol)
 
-    def _wave(self, which: NDInt, nearest: NDInt) -> None:
+    def _solve_together(self, which: NDInt, nearest: NDInt) -> None:
         """Follow paths to some members from their `nearest` solved ones, all at once.
 
         Those whose error is too large go on to finer meshes; those that are solved are known from
@@ -436,12 +436,12 @@ class _Members:
         mesh = even(path, sizes(found.Q[0], self.problem.scales), self._target)
         return self._add_level(int(i[0]), path, shape.on(mesh))
 
-    def _judge(self, level: int, which: NDInt, found: Followed) -> NDInt:
+    def _judge(self, level: int, which: NDInt, found: FollowedStack) -> NDInt:
         """Keep what is solved; return which of those that arrived want a finer mesh, (F,)."""
         at = self.levels[level]
         # Errors are amplified as round-off in the matrix is.
         gain = at.gain * np.fmax(found.probed / at.probed, 1.0)
-        gain = np.maximum(gain, amplified(found.noise))
+        gain = np.maximum(gain, amplification(found.noise))
         error = estimate(gain, found.omitted, found.noise)
         within = error <= self.tol
         error = np.maximum(error, SAFETY * found.missed)
@@ -463,7 +463,7 @@ class _Members:
             self._count(at, i, found.Q[good])
         return np.flatnonzero(sound & ~within)
 
-    def _slopes(self, shape: Shape, which: NDInt, Q: Array) -> Array:
+    def _slopes(self, shape: StackShape, which: NDInt, Q: Array) -> Array:
         """Return the derivatives of the actions of members by what differs, (C, columns)."""
         p0, p1 = self.momenta[which].swapaxes(0, 1)
         known = {"q0": -p0, "q1": p1}

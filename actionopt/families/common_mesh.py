@@ -13,7 +13,7 @@ from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
 MESH_DEGREES = (10, 14, 17)
-ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
+ROW_COST = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
 ELEMENT_HALVINGS = 12  # of elements
 
 
@@ -53,9 +53,9 @@ def even(path: Path, size: Array, target: float) -> Mesh:
             edges = np.sort(np.concatenate([edges, (edges[split] + edges[split + 1]) / 2]))
             done = np.insert(done, split + 1, False)
         rows = (degree + 1) * len(size)
-        price = done.size * rows * (ROW_PRICE + rows)
-        if done.all() and price < cost:
-            best, cost = Mesh(edges, degree), price
+        row_cost = done.size * rows * (ROW_COST + rows)
+        if done.all() and row_cost < cost:
+            best, cost = Mesh(edges, degree), row_cost
     if best is None:
         since = path.mesh.moved(0.0, 1.0).since
         best = Mesh(since, max(path.mesh.degrees))

@@ -17,7 +17,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.borders import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arrivals import PASSES_EACH, Units, passages
+from actionopt.solver.arrivals import PASSES_EACH, MissUnits, passages
 from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.first_paths import FirstPaths, straight
@@ -84,7 +84,7 @@ def _passages(
         )
     unit = np.maximum(size, np.abs(straight(problem)[-1] - q0))
     q, v = np.repeat(q0[:, None], len(u), axis=1), (speed[:, None] * u).T
-    units, most = Units.of(problem, unit, q, v, t0), 2 + windings if n == 1 else PASSES_EACH
+    units, most = MissUnits.of(problem, unit, q, v, t0), 2 + windings if n == 1 else PASSES_EACH
     spans = fixed.duration / 4, fixed.duration
     paths = [item for found in passages(problem, q, v, spans, units, most=most) for item in found]
     return [path for _, path in sorted(paths, key=lambda item: item[0])[:MOST_PASSAGES]]

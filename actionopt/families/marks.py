@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from actionopt.discrete.arclength import Branch, Point
+from actionopt.discrete.arclength import Branch, BranchPoint
 from actionopt.discrete.path import Path
 from actionopt.tools.shown import one_line
 
@@ -82,7 +82,7 @@ class Step:
     bend: float
 
     @classmethod
-    def between(cls, branch: Branch, here: Point, there: Point) -> Step:
+    def between(cls, branch: Branch, here: BranchPoint, there: BranchPoint) -> Step:
         """Return the step from one point of a branch to the next one."""
         change = np.r_[there.z - here.z, there.s - here.s]
         length = branch.inner(here.tr, change, here.direction)
@@ -122,13 +122,17 @@ class StepTrial(NamedTuple):
     """A point so far along a step, and the value of what vanishes somewhere on it."""
 
     length: float
-    point: Point
+    point: BranchPoint
     value: float
 
 
 def locate(
-    branch: Branch, here: Point, length: float, function: Callable[[Point], float], gap: float
-) -> Point | None:
+    branch: Branch,
+    here: BranchPoint,
+    length: float,
+    function: Callable[[BranchPoint], float],
+    gap: float,
+) -> BranchPoint | None:
     """Return the point within `length` of `here` at which `function` vanishes (Illinois).
 
     Where another branch crosses there, no step leads to it: it is interpolated. None where steps
@@ -166,7 +170,7 @@ def locate(
     part = low.value / (low.value - high.value)
     z = low.point.z + part * (high.point.z - low.point.z)
     s = low.point.s + part * (high.point.s - low.point.s)
-    return Point(branch.at(s), z, s, low.point.direction)
+    return BranchPoint(branch.at(s), z, s, low.point.direction)
 
 
 def _beside(tried: Callable[[float], StepTrial | None], lost: float, end: StepTrial) -> StepTrial:

@@ -33,9 +33,9 @@ from actionopt.families.trace import trace
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.between import Choices
 from actionopt.solver.ipopt import find
-from actionopt.solver.ladder import LADDER, NEAR
 from actionopt.solver.on_surface import firsts
 from actionopt.solver.pursue import first
+from actionopt.solver.strategies import GUESS_ONLY, STRATEGIES
 from actionopt.solver.through import starts as first_legs
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
@@ -137,9 +137,9 @@ class Answers:
             known = set(problem.start.pinned) | set(problem.end.pinned)
             self.loose = tuple(i for i in self.turning if i not in known)
             self.turning = tuple(i for i in self.turning if self.closed or i in known)
-        self.choices = Choices(self.tol, "auto", LADDER, None, None)
+        self.choices = Choices(self.tol, "auto", STRATEGIES, None, None)
         if found:
-            self.choices = Choices(self.tol, "auto", NEAR, None, None)
+            self.choices = Choices(self.tol, "auto", GUESS_ONLY, None, None)
         self.classes: list[Winding] = []
         for k in islice(whole_turns(len(self.turning), self.windings), MOST_CLASSES):
             by = np.zeros(problem.system.n)
@@ -173,7 +173,9 @@ class Answers:
 
     def _to_all_sides(self, starts: int) -> Iterator[Start]:
         given = self.problem
-        if given.unfixed:  # curves are drawn over times and between points that were found once
+        if (
+            given.has_free_boundary
+        ):  # curves are drawn over times and between points that were found once
             given = first(given, None, self.choices)[0].between_times.problem
         guesses = curves(given, starts, self.seed)
         for i, guess in enumerate(guesses):

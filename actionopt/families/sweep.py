@@ -30,7 +30,7 @@ from actionopt.families.vary import Name, present
 from actionopt.families.walk import WALK_STEPS, walk
 from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import asked
+from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import moving, solve
 from actionopt.tools.checks import tolerance
 from actionopt.tools.journal import Journal
@@ -110,7 +110,7 @@ def sweep(
     """
     if isinstance(problem, Problem):
         check_whole(problem, "a family over a grid of values")
-    asked(problem)
+    check_problem(problem)
     tolerance(tol)
     problem = problem.asked or problem
     if problem.free_time and problem.closes and problem.system.n > 1:

@@ -20,18 +20,18 @@ from actionopt.analysis.modes import lowest
 from actionopt.analysis.monodromy import transport_matrix
 from actionopt.analysis.second_variation import check_independent, form
 from actionopt.analysis.solution import Solution, SolveError
-from actionopt.discrete.arclength import Branch, Point
+from actionopt.discrete.arclength import Branch, BranchPoint
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.crossing import Jump, crossed, unbalanced
+from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
 from actionopt.discrete.path import Path
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import asked
+from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import Guess, solve
-from actionopt.solver.window import framed
+from actionopt.solver.window import with_window_of
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import number, whole
 from actionopt.tools.types import EPS, Array
@@ -108,7 +108,7 @@ def trace(
     """
     if isinstance(problem, Problem):
         check_whole(problem, "a family followed along one quantity")
-    asked(problem)
+    check_problem(problem)
     check_progress(progress)
     family, value = _family(problem.asked or problem, vary, start)
     problem.system.check_free("a branch does not know where contact changes; sweep does")
@@ -166,7 +166,7 @@ def _with(problem: Problem, name: Name, value: float) -> Problem:
 
 def _within(family: Callable[[float], Problem], like: Problem, value: float) -> Problem:
     """Return a problem of the family in the window of another one."""
-    return framed(family(value), like)
+    return with_window_of(family(value), like)
 
 
 @dataclass(eq=False)
@@ -179,7 +179,7 @@ class _TraceRun:
     tol: float
     counting: bool
     branch: Branch = field(init=False)
-    points: list[Point] = field(default_factory=list)
+    points: list[BranchPoint] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
     sizes: Array = field(init=False)
@@ -208,7 +208,7 @@ class _TraceRun:
         instants = () if problem.free_time else problem.instants
         self.branch = Branch(self.family, path.mesh, instants, lengths, reach)
         lam = None if rows is None else np.nan_to_num(rows)
-        z = self.branch.begun(path, lam, s)
+        z = self.branch.first_unknowns(path, lam, s)
         point = self.branch.first(z, s, sign)
         exact = self.branch.to(point, s)
         self._append(exact or point)
@@ -276,11 +276,11 @@ class _TraceRun:
             self._refine()
         self.end(f"the {steps} steps were used up; give more (steps=), or trace on from there")
 
-    def _size(self, point: Point) -> float:
+    def _size(self, point: BranchPoint) -> float:
         """Return how many times larger a path is than the first one."""
         return float(np.max(np.abs(point.path.values).max(axis=1) / self.sizes))
 
-    def _pole(self, here: Point, there: Point) -> float | None:
+    def _pole(self, here: BranchPoint, there: BranchPoint) -> float | None:
         """Return the value close ahead at which the branch is infinite, or None.
 
         Near a conjugate point the size grows like 1 / (pole - s), whose inverse is a line.
@@ -293,7 +293,7 @@ class _TraceRun:
         near = abs(left) < POLE_DISTANCE * abs(self.goal - self.origin)
         return there.s + left if near and abs(ahead - there.s) > 2 * abs(left) else None
 
-    def _try(self, here: Point, length: float) -> tuple[Point, int] | None:
+    def _try(self, here: BranchPoint, length: float) -> tuple[BranchPoint, int] | None:
         """Return the point a step ahead and the corrections it took; None if it was too long."""
         taken = self.branch.step(here, length)
         if taken is None or self.branch.angle(here, taken[0]) < STRAIGHT_STEP:
@@ -309,12 +309,12 @@ class _TraceRun:
 
     # -- what there is at a point ---------------------------------------------------------------
 
-    def _append(self, point: Point) -> None:
+    def _append(self, point: BranchPoint) -> None:
         index = self._index(point)
         self.points.append(point)
         self.indices.append(index)
 
-    def _index(self, point: Point) -> int:
+    def _index(self, point: BranchPoint) -> int:
         """Return the index; -1 where none is wanted. Raises _Uncounted where there is none."""
         if not self.counting:
             return -1
@@ -328,19 +328,19 @@ class _TraceRun:
         except ValueError as error:
             raise _Uncounted(_without(error)) from None
 
-    def _jump(self, point: Point) -> Jump | None:
+    def _jump(self, point: BranchPoint) -> Jump | None:
         """Return a jump of L that the path crosses, or None."""
         problem, system = point.at.problem, point.at.problem.system
         if system.switches is not None:
-            found = crossed(system.switches, problem, point.path)
+            found = first_crossing(system.switches, problem, point.path)
             if found is not None:
                 return found
         if system.structure.jumpless:
             return None
-        found = unbalanced(point.at, self.tol)
+        found = find_imbalance(point.at, self.tol)
         return found if isinstance(found, Jump) else None
 
-    def _action(self, point: Point) -> float:
+    def _action(self, point: BranchPoint) -> float:
         return point.at.action
 
     def _refine(self) -> None:
@@ -367,7 +367,7 @@ class _TraceRun:
 
     # -- what changes on the way ----------------------------------------------------------------
 
-    def _marks(self, here: Point, there: Point, after: int) -> list[Mark] | None:
+    def _marks(self, here: BranchPoint, there: BranchPoint, after: int) -> list[Mark] | None:
         """Return what changes between two points; None if a shorter step is to tell."""
         before, step = self.indices[-1], Step.between(self.branch, here, there)
         short, changes = step.length < SHORTEST_TOLD, abs(after - before)
@@ -396,21 +396,21 @@ class _TraceRun:
             marks.append(self._mark("period doubling", found or there, before, after))
         return marks
 
-    def _mark(self, kind, point: Point, before: int, after: int) -> Mark:
+    def _mark(self, kind, point: BranchPoint, before: int, after: int) -> Mark:
         sides = (before, after) if self.counting else (None, None)
         return Mark(kind, point.s, point.path, *sides, len(self.points) - 1)
 
-    def _sign(self, j: int, point: Point) -> float:
+    def _sign(self, j: int, point: BranchPoint) -> float:
         """Return what is positive where the index is more than j, or less, and negative else."""
         if isinstance(point.tr, Bordered):
             return self._index(point) - j - 0.5
         return lowest(form(point.at), j + 1)[0][j]
 
-    def _is_fold(self, point: Point, changes: int) -> bool:
+    def _is_fold(self, point: BranchPoint, changes: int) -> bool:
         """Whether one of several changes of the index is at a fold."""
         return changes > 1 and abs(point.direction[-1]) < FOLD_SLOPE * self.branch.range
 
-    def _locate(self, here: Point, step: Step, function) -> Point | None:
+    def _locate(self, here: BranchPoint, step: Step, function) -> BranchPoint | None:
         """Return the point of the step at which `function` vanishes; None if there is none."""
         # So far does an imperfection as large as `tol` part the branches of a pitchfork.
         return locate(self.branch, here, step.length, function, self.tol ** (1 / 3))
@@ -434,7 +434,7 @@ class _TraceRun:
         )
 
 
-def _doubling(point: Point) -> float:
+def _doubling(point: BranchPoint) -> float:
     """Return det(M + 1) of the monodromy matrix M, zero where a multiplier is -1."""
     M = transport_matrix(form(point.at))
     return float(np.linalg.det(M + np.eye(len(M))))

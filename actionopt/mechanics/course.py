@@ -76,7 +76,7 @@ def take_turns(systems: Sequence[Any]) -> System:
             found = ca.if_else(t < ends[k], law(system), found)
         return found
 
-    return System.assembled(systems, build, {**kept, SWITCHES: np.zeros(len(systems) - 1)})
+    return System.assemble(systems, build, {**kept, SWITCHES: np.zeros(len(systems) - 1)})
 
 
 def check_course(problem: Any) -> tuple[Event, ...]:

@@ -49,15 +49,15 @@ class Held(Problem):
     ) -> None:
         for name in ("start", "end", "parameters", "packed", "energy"):
             object.__setattr__(self, name, getattr(free, name))
-        system, span = free.system.held, span or (free.start.t, free.end.t)
+        system, span = free.system.with_contact, span or (free.start.t, free.end.t)
         if sought:
-            system = free.system.sought(tuple(measures(free.lengths).tolist()))
+            system = free.system.with_contact_distance(tuple(measures(free.lengths).tolist()))
         asked = free.asked and Held(free.asked, arcs, sought=False, span=span)
         known = {"system": system, "free": free, "arcs": arcs, "sought": sought, "span": span}
         for name, value in (known | {"asked": asked}).items():
             object.__setattr__(self, name, value)
 
-    def found(self, t0: float, t1: float, q: Array | None = None) -> Held:
+    def with_times(self, t0: float, t1: float, q: Array | None = None) -> Held:
         """Return the same over the times t0 and t1, and the arcs at the same parts of them."""
         (a, b), arcs = self.span, self.arcs
 
@@ -66,7 +66,7 @@ class Held(Problem):
 
         if arcs is not None and (a, b) != (t0, t1):
             arcs = tuple(Arc(x.row, later(x.begin), later(x.end)) for x in arcs)
-        return Held(self.free.found(t0, t1, q), arcs, sought=self.sought)
+        return Held(self.free.with_times(t0, t1, q), arcs, sought=self.sought)
 
     def holding(self, arcs: tuple[Arc, ...]) -> Held:
         """Return the same with other parts in force."""
@@ -75,16 +75,16 @@ class Held(Problem):
         return other
 
     @cached_property
-    def fixed(self) -> Array:
+    def fixed_times(self) -> Array:
         """The times of the events, and those between at which a law switches, in order."""
         t0, t1 = self.start.t, self.end.t
         return np.array([t0, *(t for _, t in self.instants if t0 < t < t1), t1])
 
     @cached_property
     def contact_times(self) -> Array:
-        """The times at which contact begins or ends but for the `fixed` ones, in order."""
+        """The times at which contact begins or ends but for the `fixed_times` ones, in order."""
         times = [t for arc in self.arcs or () for t in (arc.begin, arc.end)]
-        return np.setdiff1d(times, self.fixed)
+        return np.setdiff1d(times, self.fixed_times)
 
     def __reduce__(self) -> tuple:
         """Make it anew of the question."""

@@ -45,7 +45,7 @@ class Arc:
 
 def check_rows(system: System) -> None:
     """Raise ValueError for a row of the obstacle that contains no coordinate."""
-    rows, _ = system.held.pointwise("constraint_jacobian").sparsity(0)
+    rows, _ = system.with_contact.pointwise("constraint_jacobian").sparsity(0)
     count = np.bincount(rows, minlength=system.m + system.r)[system.m :]
     if not count.all():
         raise ValueError(
@@ -66,7 +66,7 @@ def check_outside(
     Rows that contain a coordinate which the event leaves free are decided along the path. The
     coordinates have the sizes `scales` (n,).
     """
-    held, m = system.held, system.m
+    held, m = system.with_contact, system.m
     q = np.array([[0.0 if x is None else x for x in event] for _, _, event in ends])
     t = np.array([[time] for _, time, _ in ends])
     jacobian = held.pointwise("constraint_jacobian")

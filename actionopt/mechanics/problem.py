@@ -215,9 +215,16 @@ class Problem:
                 q = [e.q for e in self.joints_found]
                 return _found_at, (self.asked, [e.t for e in self.joints_found], q, self.kappa)
             q = np.array([self.start.q, self.end.q]) if self.asked.on_surface else None
-            return _found, (self.asked, self.start.t, self.end.t, q)
-        known = self.start, self.end, self._given, self.energy, self.through, self.integral
-        return _asked, (self.question, *known)
+            return _restore_found, (self.asked, self.start.t, self.end.t, q)
+        known = (
+            self.start,
+            self.end,
+            self._given_parameters,
+            self.energy,
+            self.through,
+            self.integral,
+        )
+        return _restore_asked, (self.question, *known)
 
     @property
     def question(self) -> System | tuple[System, ...]:
@@ -270,13 +277,13 @@ class Problem:
             )
         check_rows(self.system)
         if self.free_time:
-            if self.system.held.structure.depends_on_time:
+            if self.system.with_contact.structure.depends_on_time:
                 raise ValueError(
                     "expected both times of a path along an obstacle where the Lagrangian or the "
                     "obstacle depends on time, found one that is free; give it"
                 )
             t0 = 0.0 if self.start.t is None else self.start.t
-            self.found(t0, t0 + 1.0)  # any times will do
+            self.with_times(t0, t0 + 1.0)  # any times will do
             return
         ends = [(role, e.t, e.q) for role, e in (("start", self.start), ("end", self.end))]
         check_outside(self.system, self.packed, ends, self.scales, self.duration)
@@ -312,14 +319,14 @@ class Problem:
             old.question,  # type: ignore[arg-type]
             start,
             end,
-            parameters={**self._given, **by_name(parameters, "parameters")},
+            parameters={**self._given_parameters, **by_name(parameters, "parameters")},
             energy=old.energy if energy is None and free else energy,
             through=old.through if through is None else through,
             integral=old.integral if integral is None else integral,
         )
 
     @property
-    def _given(self) -> dict[str, Any]:
+    def _given_parameters(self) -> dict[str, Any]:
         """The parameters but for those that are found with the path."""
         return {k: x for k, x in self.parameters.items() if k not in (SWITCHES, MULTIPLIERS)}
 
@@ -345,7 +352,7 @@ class Problem:
         start, end = asked.start, asked.end
         return start if start.on is not None else None, end if end.on is not None else None
 
-    def found(self, t0: float, t1: float, q: Array | None = None) -> Problem:
+    def with_times(self, t0: float, t1: float, q: Array | None = None) -> Problem:
         """Return the problem with the times t0 and t1 at its events, one that was `asked` as this.
 
         Where these lie on surfaces, at the first or the last of the coordinates q (2, n), if given.
@@ -380,7 +387,9 @@ class Problem:
             self.question,  # type: ignore[arg-type]
             start,
             end,
-            parameters=self._given if kappa is None else {**self._given, MULTIPLIERS: kappa},
+            parameters=self._given_parameters
+            if kappa is None
+            else {**self._given_parameters, MULTIPLIERS: kappa},
             through=through,
             integral=self.integral,
         )
@@ -396,7 +405,7 @@ class Problem:
         return inner or outer or (self.integral is not None and self.asked is None)
 
     @property
-    def unfixed(self) -> bool:
+    def has_free_boundary(self) -> bool:
         """Whether more than the path is to be found, or was: a duration, where it begins."""
         found = self.asked is not None or self.free_time or self.on_surface or self.closes
         return found or self.is_joined
@@ -599,7 +608,7 @@ class Problem:
         return diagonal(self.system, 2, values[None])[0]
 
 
-def _asked(
+def _restore_asked(
     system: System,
     start: Event,
     end: Event,
@@ -622,8 +631,8 @@ def _time(event: Any) -> float:
     return np.nan if t is None else t
 
 
-def _found(asked: Problem, t0: float, t1: float, q: Array | None) -> Problem:
-    return asked.found(t0, t1, q)
+def _restore_found(asked: Problem, t0: float, t1: float, q: Array | None) -> Problem:
+    return asked.with_times(t0, t1, q)
 
 
 def _check_free_time(problem: Problem) -> None:

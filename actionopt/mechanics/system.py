@@ -319,7 +319,7 @@ class System(Laws):
         return ca.Function("law", self._arguments, [*laws, *more])
 
     @Once
-    def held(self) -> System:
+    def with_contact(self) -> System:
         """Return the system whose constraints are these and the rows of the obstacle behind them.
 
         A path along the obstacle is a motion of it, for as long as it is in contact. Without an
@@ -327,7 +327,7 @@ class System(Laws):
         """
         return self._holding(self.outside) if self.r else self
 
-    def sought(self, sizes: tuple[int, ...]) -> System:
+    def with_contact_distance(self, sizes: tuple[int, ...]) -> System:
         """Return the same with rows of the obstacle that grow as the distance from it does.
 
         They are f / sqrt(f_q^2 - 2 min(f, 0) f_nn), f_nn being the second derivative along the
@@ -397,7 +397,7 @@ class System(Laws):
         return ca.densify(self._law.call([q, v, t, packed])[0])
 
     @classmethod
-    def assembled(
+    def assemble(
         cls,
         systems: Sequence[System],
         law: Callable[..., ca.SX],
@@ -530,7 +530,7 @@ class System(Laws):
 
     def obstacle(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return f(q, t) of the obstacle, shape (r, K) or (r,): not negative outside of it."""
-        return self.held.constraint(q, t, parameters=parameters)[self.m :]
+        return self.with_contact.constraint(q, t, parameters=parameters)[self.m :]
 
     def constraint_jacobian(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return G = df/dq, shape (m, n, K) or (m, n)."""

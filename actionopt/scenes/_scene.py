@@ -233,7 +233,7 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
         values |= {name: numbers[name] for name in parameters(file.on)}
     problem = Problem(y, start, wanted, parameters=values, energy=found.energy)
     if wanted is not end:
-        problem = problem.found(*times, np.array([start.q, end.q]))
+        problem = problem.with_times(*times, np.array([start.q, end.q]))
 
     def kinetic(q: Array, v: Array, t: Any) -> Array:
         L, back, rest = (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.boundaries import moved
+from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
@@ -20,7 +20,7 @@ from actionopt.tools.types import Array
 Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 
 
-def checked(
+def check_arguments(
     problem: Problem,
     tol: float,
     guess: Guess | None,
@@ -28,7 +28,7 @@ def checked(
     mesh: Mesh | None,
 ) -> Callable[[Mesh], Path] | None:
     """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
-    asked(problem)
+    check_problem(problem)
     tolerance(tol)
     if not among(principle, ("auto", "least", "stationary")):
         raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
@@ -61,7 +61,7 @@ def checked(
     return None if guess is None else curve(problem, guess)
 
 
-def asked(problem: Problem, others: Sequence[Any] = ()) -> None:
+def check_problem(problem: Problem, others: Sequence[Any] = ()) -> None:
     """Raise ValueError if there is no problem, TypeError for `others` given without their names."""
     if not isinstance(problem, Problem):
         hint = "; make one of the system and the events" if isinstance(problem, System) else ""
@@ -90,11 +90,11 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
         known = guess
         if known.values.shape[0] != n:
             raise ValueError(f"expected a guess of {n} coordinates, found {known.values.shape[0]}")
-        return lambda mesh: Path(moved(known.mesh, old, new, t0, t1), known.values)
+        return lambda mesh: Path(carry_boundaries(known.mesh, old, new, t0, t1), known.values)
     if callable(guess):
         wanted = guess
 
-        def sampled(mesh: Mesh) -> Path:
+        def sample(mesh: Mesh) -> Path:
             values, K = numbers(wanted(mesh.nodes), "the guess at times t"), mesh.nodes.size
             if values.shape != (n, K) and not (n == 1 and values.shape == (K,)):
                 raise ValueError(
@@ -103,8 +103,8 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
                 )
             return Path(mesh, values)
 
-        sampled(Mesh.uniform(t0, t1, 1, 2))
-        return sampled
+        sample(Mesh.uniform(t0, t1, 1, 2))
+        return sample
     points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
     if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
         raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")

@@ -26,7 +26,7 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import along, rates, returning
-from actionopt.solver.first_paths import given_time, straight, stretched
+from actionopt.solver.first_paths import given_time, straight, stretch_guess
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
@@ -49,7 +49,7 @@ SLOWER, FASTER = 1.0, 8.0
 SLOWEST, FASTEST = 0.2, 2.0
 
 
-class Units(NamedTuple):
+class MissUnits(NamedTuple):
     """Units of what motions miss: coordinates (n,), momenta times these, and the energy."""
 
     q: Array
@@ -57,7 +57,7 @@ class Units(NamedTuple):
     energy: float
 
     @classmethod
-    def of(cls, problem: Problem, size: Array, q: Array, v: Array, t: float) -> Units:
+    def of(cls, problem: Problem, size: Array, q: Array, v: Array, t: float) -> MissUnits:
         """Return those of motions from q and v (n, K)."""
         at = q.T, v.T, np.full((q.shape[1], 1), t), problem.packed
         p = problem.system.pointwise("first")(*at)[1]
@@ -66,7 +66,7 @@ class Units(NamedTuple):
         return cls(size, action or 1.0, energy or 1.0)
 
 
-def misses(problem: Problem, k: int, state: tuple[Array, Array, Array], unit: Units) -> Array:
+def misses(problem: Problem, k: int, state: tuple[Array, Array, Array], unit: MissUnits) -> Array:
     """Return what states miss of what an event asks, (rows, K): the start (k = 0) or the end (1).
 
     Of coordinates and velocities (n, K) at times (K,): the coordinates it gives, its surface, the
@@ -116,7 +116,7 @@ def arrivals(
     They set out from the events of `starts`: its own, or points of its surface.
     """
     if starts and departs(problem):
-        way = _passing if problem.free_time else _aimed
+        way = _passing if problem.free_time else _aim
         yield from way(problem, starts, size, watch)
 
 
@@ -131,7 +131,7 @@ def _keeps_energy(problem: Problem) -> bool:
     return not (structure.forced or structure.depends_on_time or _is_timed(problem))
 
 
-def _aimed(
+def _aim(
     problem: Problem, starts: Sequence[Problem], size: Array, watch: Watch | None
 ) -> Iterator[Path]:
     """Yield motions between given times, changed until they miss nothing, slow ones first."""
@@ -143,7 +143,7 @@ def _aimed(
         v.append(known * np.exp(rng.uniform(np.log(SLOWER), np.log(FASTER), known.shape[1])))
         q.append(np.repeat(ends[0][:, None], known.shape[1], axis=1))
     q0, v0 = np.concatenate(q, axis=1), np.concatenate(v, axis=1)
-    unit = Units.of(problem, size, q0, v0, t0)
+    unit = MissUnits.of(problem, size, q0, v0, t0)
 
     def miss(q0: Array, v0: Array, q: Array, v: Array) -> Array:
         ends = []
@@ -186,7 +186,7 @@ def _passing(
     if not q:
         return
     q0, v0 = np.concatenate(q, axis=1), np.concatenate(v, axis=1)
-    unit = Units.of(problem, size, q0, v0, t)
+    unit = MissUnits.of(problem, size, q0, v0, t)
     spans, near = [span * longest for span in SPANS], False
     for span, passed in zip(
         SPANS, passages(problem, q0, v0, spans, unit, watch=watch), strict=True
@@ -202,7 +202,7 @@ def passages(
     q0: Array,
     v0: Array,
     spans: Sequence[float],
-    unit: Units,
+    unit: MissUnits,
     *,
     most: int = PASSES_EACH,
     watch: Watch | None = None,
@@ -226,7 +226,7 @@ def passages(
             away = np.linalg.norm(misses(problem, 1, state, unit), axis=0)
             low = 1 + np.flatnonzero((away[1:-1] <= away[:-2]) & (away[1:-1] < away[2:]))
             found += [
-                (float(away[i]), stretched(problem, flight.path(t0, times[i])))
+                (float(away[i]), stretch_guess(problem, flight.path(t0, times[i])))
                 for i in [i for i in low if away[i] < PASSED_BY][:most]
             ]
         yield sorted(found, key=lambda item: item[0])

@@ -1,6 +1,6 @@
 """Paths between events at given times: find one on a coarse mesh, then follow it to the tolerance.
 
-Finding (`ladder`) and following (`refine`) are different work, on the same path (`iterate`).
+Finding (`strategies`) and following (`refine`) are different work, on the same path (`iterate`).
 *Finding* starts from the straight line, or from a guess. *Following* is Newton's: each refinement
 round interpolates the path on a better mesh and polishes it there, always the same path.
 """
@@ -16,42 +16,37 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.crossing import Jump, crossed, unbalanced
+from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import Guess, checked
-from actionopt.solver.family import judged, suspected
+from actionopt.solver.arguments import Guess, check_arguments
+from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.ladder import (
-    CURVED_RUNGS,
-    IPOPT,
-    LADDER,
-    Rung,
-    Search,
-)
 from actionopt.solver.least_along import along
 from actionopt.solver.obstacle import Along
 from actionopt.solver.signals import SIGNALS, status_of
+from actionopt.solver.strategies import CURVED_STRATEGIES, IPOPT, STRATEGIES, Search, Strategy
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import COARSEST
 from actionopt.tools.watch import OutOfTime, Watch
 
 Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict with its figures
-BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
+# strategies tried where the first path crosses a jump: seconds are lost there; ad hoc
+BEFORE_A_JUMP = 3
 
 
 @dataclass(frozen=True)
 class Choices:
-    """How a problem is solved: the arguments of `solve`, its method as a ladder."""
+    """How a problem is solved: the arguments of `solve`, its method as strategies."""
 
     tol: float
     principle: Literal["auto", "least", "stationary"]
-    ladder: tuple[Rung, ...]
+    strategies: tuple[Strategy, ...]
     mesh: Mesh | None
     watch: Watch | None
 
@@ -65,7 +60,7 @@ def between(
     """
     started = perf_counter()
     tol, principle, mesh, watch = choices.tol, choices.principle, choices.mesh, choices.watch
-    curve_of = checked(problem, tol, guess, principle, mesh)
+    curve_of = check_arguments(problem, tol, guess, principle, mesh)
     system = problem.system
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
@@ -76,13 +71,13 @@ def between(
     for name in ("first", "second"):
         system.pointwise(name)
     ws.record.time["derive"] += perf_counter() - started
-    search = Search(ws, tol, principle, mesh, choices.ladder)
+    search = Search(ws, tol, principle, mesh, choices.strategies)
     try:
         if isinstance(ws, Along):
             search.begin("obstacle", least=True)
             search.ws, status = along(ws, tol, curve_of)
         else:
-            status = _found(search, guess, curve_of)
+            status = _find_smooth(search, guess, curve_of)
         search.ws.here.tr.watch = None  # a verdict is not left half done
         if (principle == "least" or system.r) and status.success and search.ws.here.index > 0:
             status = Status.UNBOUNDED if search.ws.linear else Status.NOT_LEAST
@@ -94,8 +89,8 @@ def between(
     if watch is not None and watch.error is not None and not isinstance(watch.error, OutOfTime):
         raise watch.error
     solution = solution_of(ws, status, search.found_by, started)
-    if verdict and suspected(ws, status):
-        solution = judged(ws, solution)
+    if verdict and may_be_family(ws, status):
+        solution = judge_family(ws, solution)
     return solution, "" if solution.success else message_of(solution, tol, ws.hint)
 
 
@@ -113,35 +108,37 @@ def on_the_way(
     OutOfTime if no time is left.
     """
     watch = None if outer is None else Watch(None, None, outer)
-    ladder = LADDER[:CURVED_RUNGS] if brief else LADDER
-    found, _ = between(problem, guess, Choices(tol, "auto", ladder, None, watch), verdict=False)
+    strategies = STRATEGIES[:CURVED_STRATEGIES] if brief else STRATEGIES
+    found, _ = between(problem, guess, Choices(tol, "auto", strategies, None, watch), verdict=False)
     if found.status is Status.OUT_OF_TIME:
         raise OutOfTime
     return found
 
 
-def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
+def _find_smooth(
+    search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None
+) -> Status:
     """Find a path that crosses no jump of L."""
     ws, problem = search.ws, search.ws.problem
     steps, jump = problem.system.switches, None
     if steps is not None:
         first = _first(problem, curve_of)
-        jump = crossed(steps, problem, first.path)
+        jump = first_crossing(steps, problem, first.path)
     if jump is not None and jump.inevitable:
         ws.transcribe(first.mesh, first.path)
         search.found_by = "none"
     else:
         if jump is not None:
-            search.ladder = search.ladder[:BEFORE_A_JUMP]
-        status = _sought(search, guess, curve_of)
+            search.strategies = search.strategies[:BEFORE_A_JUMP]
+        status = _search(search, guess, curve_of)
         # What was lost on the way may have been lost at a jump that the first path crosses.
         lost = status in (Status.NOT_FOUND, Status.UNRESOLVED)
         if steps is not None:
             before = None if status.success else jump
-            jump = crossed(steps, problem, search.ws.here.path) or before
+            jump = first_crossing(steps, problem, search.ws.here.path) or before
         if jump is None and lost and not problem.system.structure.jumpless:
             tried = filter(None, (search.ws.iterate, _first(problem, curve_of)))
-            found = (unbalanced(at, search.ws.tol) for at in tried)
+            found = (find_imbalance(at, search.ws.tol) for at in tried)
             jump = next((off for off in found if isinstance(off, Jump)), None)
         if jump is None:
             return status
@@ -158,7 +155,7 @@ def _first(problem: Problem, curve_of: Callable[[Mesh], Path] | None) -> Discret
     return DiscretePath.of(problem, path)
 
 
-def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
+def _search(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
     """Find a path, from a neighbour that is solved, from another guess, or from nothing."""
     ws, problem, status = search.ws, search.ws.problem, Status.NOT_FOUND
     if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
@@ -170,6 +167,6 @@ def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
                 status = search.from_neighbour(guess)
     if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
         return status
-    if ws.linear and search.ladder is not IPOPT:
+    if ws.linear and search.strategies is not IPOPT:
         return search.solve_linear(curve_of)
     return search.from_nothing() if curve_of is None else search.from_guess(curve_of)

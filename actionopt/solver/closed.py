@@ -78,7 +78,7 @@ def beyond(path: Path, problem: Problem, since: Array) -> tuple[Array, Array]:
     return q, v
 
 
-def rolled(path: Path, shift: float, problem: Problem) -> Path:
+def begin_later(path: Path, shift: float, problem: Problem) -> Path:
     """Return a closed path begun at the time `shift` after its start, or before."""
     mesh = path.mesh
     t0, T = mesh.boundaries[0], mesh.duration

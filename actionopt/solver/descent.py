@@ -75,7 +75,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     step = np.full_like(z, np.nan)
                 if np.abs(step).max() < SHORTEST_DESCENT:
                     return Descended(z, mu == 0.0, False, count)
-                lower = _shortened(tr, z, step, action, float(gradient @ step), farthest)
+                lower = _backtrack(tr, z, step, action, float(gradient @ step), farthest)
                 if lower is not None:
                     break
                 mu = max(RAISE_MU * mu, FIRST_MU)
@@ -92,7 +92,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
     return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)
 
 
-def _shortened(
+def _backtrack(
     tr: Transcription, z: Array, step: Array, action: float, slope: float, farthest: float
 ) -> tuple[Array, float] | None:
     """Return where a part of the step leads that lowers the action enough, and the action there.

@@ -85,7 +85,7 @@ def passage(problem: Problem) -> tuple[Array, Array, Array] | None:
     """
     if problem.system.n > 1 or not (problem.start.pinned and problem.end.pinned):
         return None
-    if not _conserved(problem) or problem.start.q == problem.end.q:
+    if not _conserves_energy(problem) or problem.start.q == problem.end.q:
         return None
     a, b = float(problem.start.q[0]), float(problem.end.q[0])  # type: ignore[arg-type]
 
@@ -124,7 +124,7 @@ def barrier(problem: Problem) -> str:
     """
     system, ends = problem.system, (problem.start, problem.end)
     moving = any(e.on is not None and e.on.depends_on_time for e in ends)  # another energy
-    if not (problem.free_time and _conserved(problem)) or problem.closes or moving:
+    if not (problem.free_time and _conserves_energy(problem)) or problem.closes or moving:
         return ""
     places = [np.array(e.q, dtype=float) for e in ends if len(e.pinned) == system.n]
     if not places:
@@ -153,7 +153,7 @@ def barrier(problem: Problem) -> str:
     )
 
 
-def _conserved(problem: Problem) -> bool:
+def _conserves_energy(problem: Problem) -> bool:
     """Whether motions keep their energy, and nothing but their Lagrangian says where they go."""
     system = problem.system
     plain = not (system.m or system.r or system.structure.forced)

@@ -27,7 +27,7 @@ NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
-def suspected(ws: Workspace, status: Status) -> bool:
+def may_be_family(ws: Workspace, status: Status) -> bool:
     """Whether the ends may leave a family of paths, or did so where one was lost."""
     if ws.problem.system.structure.forced:
         return False
@@ -41,14 +41,14 @@ def suspected(ws: Workspace, status: Status) -> bool:
     try:
         here = ws.here = here.with_probed(ws.many)
         if not ws.linear and here.growth < NEAR_SINGULAR and here.growth * here.since > OUTDATED:
-            here = ws.here = here.updated().with_probed(ws.many)
+            here = ws.here = here.with_fresh_factors().with_probed(ws.many)
         grown = here.growth
     except np.linalg.LinAlgError:
         return True
     return not 0 < grown < NEAR_SINGULAR
 
 
-def judged(ws: Workspace, solution: Solution) -> Solution:
+def judge_family(ws: Workspace, solution: Solution) -> Solution:
     """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
     near, here = solution, ws.here
     if solution.status in LOST and ws.unpolished is not None:
@@ -63,15 +63,15 @@ def judged(ws: Workspace, solution: Solution) -> Solution:
     if found is None or found.nullity <= found.moves or found.tolerance > INDEX_TOLERANCE:
         ws.here = here
         return solution
-    condition = conditioned(found)
-    ws.hint = _told(ws, found, near.error)
+    condition = softest_condition(found)
+    ws.hint = _describe(ws, found, near.error)
     noise = max(ws.here.noise, condition * POLYNOMIAL_ROUNDOFF)
     ws.here = replace(ws.here, noise=noise, error=near.error)
     stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
     return replace(near, status=Status.DEGENERATE, stats=stats)
 
 
-def _told(ws: Workspace, found: Inertia, error: float) -> str:
+def _describe(ws: Workspace, found: Inertia, error: float) -> str:
     """Return of which paths the family is, and its dimension."""
     problem, count = ws.problem, found.nullity
     if not problem.closes:
@@ -117,6 +117,6 @@ def directions(here: Iterate, bordered: Bordered) -> list[Array]:
     return list((x / np.abs(x).max(axis=0)).T[grown])
 
 
-def conditioned(found: Inertia) -> float:
+def softest_condition(found: Inertia) -> float:
     """Return the condition that the direction which bends least gives to a path."""
     return 1 / max(found.smallest or 0.0, float(np.finfo(float).eps))

@@ -23,7 +23,7 @@ LINEAR = 4  # elements to begin with where nothing has to be sought
 # more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an
 # extreme case.
 COARSE_DEGREE, COARSE_ELEMENTS = 6, 8
-# Radians, or e-foldings, on an element: by the formula in `planned` twelve digits at degree 13.
+# Radians, or e-foldings, on an element: by the formula in `plan` twelve digits at degree 13.
 # Derived so far; that few elements of this degree are better than many of another is ad hoc.
 PHASE_PER_ELEMENT = 2.5
 # E-foldings from an end at which elements meet; elements lengthen as the layer decays, and beyond
@@ -40,7 +40,7 @@ LOG_FACTORIALS = np.array([math.lgamma(d) for d in DEGREES])  # of d - 1
 THINNEST_ELEMENT = 1e3 * np.finfo(float).eps  # in parts of the time; ad hoc: its nodes are distinct
 
 
-def planned(problem: Problem, tol: float, elements: int) -> Mesh:
+def plan(problem: Problem, tol: float, elements: int) -> Mesh:
     """Return a mesh that resolves to `tol` whatever solves equations that do not depend on time."""
     system, n = problem.system, problem.system.n
     rest, now = np.zeros((1, n)), np.array([[problem.start.t]])
@@ -59,7 +59,7 @@ def planned(problem: Problem, tol: float, elements: int) -> Mesh:
     return Mesh.over(problem.start.t, problem.end.t, since, int(degree))
 
 
-def paced(tr: Transcription, z: Array) -> Mesh | None:
+def plan_layers(tr: Transcription, z: Array) -> Mesh | None:
     """Return a mesh that shows turns and layers which that of `tr` does not, if there are any."""
     problem, mesh, x = tr.problem, tr.mesh, z[: tr.layout.unknowns]
     forces = tr.forces(x) if problem.system.structure.forced else None

@@ -21,7 +21,7 @@ from actionopt.discrete.end_times import by_times
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import refined, resolution
+from actionopt.discrete.resolution import cheapest_mesh, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
@@ -29,7 +29,7 @@ from actionopt.solver.between import on_the_way
 from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import LINE, MERGED, along, passage, rates, returning
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, measured
+from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, coordinate_scales
 from actionopt.solver.refine import ROUNDS
 from actionopt.solver.workspace import ROUGHLY
 from actionopt.tools.types import Array
@@ -88,10 +88,10 @@ class FirstPaths:
                 if not self.problem.system.structure.depends_on_time:
                     guess = passing(self.problem, guess.path)
                 path = guess if isinstance(guess, Path) else guess.path
-                yield stretched(self.problem, path), None, "guess"  # a neighbour's mesh will do
+                yield stretch_guess(self.problem, path), None, "guess"  # a neighbour's mesh will do
                 first = min(known / (2 * SAFETY * UNKNOWN_GAIN), first)
             for represented in (first, last):
-                yield guessed(self.problem, guess, represented), None, "guess"
+                yield guess_path(self.problem, guess, represented), None, "guess"
             return
         if self.problem.on_surface:
             self.hint = "no point was found on the surface of an event; give a guess"
@@ -103,7 +103,7 @@ class FirstPaths:
             known = over(self.problem, float(t[-1]))
             curve_on = curve(known, hermite(known.start.t + t, q[None], v[None]))
             for represented in REPRESENTED:
-                path = resolved(known, curve_on, represented)
+                path = resolve_curve(known, curve_on, represented)
                 yield path, None, "line"
                 # Of a path over a given duration the energy is known better than of its first.
                 at = self._over(known.duration, DiscretePath.of(known, path))
@@ -113,7 +113,7 @@ class FirstPaths:
             yield from ((path, None, "motion") for path in self._stopping())
         yield from ((at.path, at.rows, "duration") for at in self.near())
         with suppress(ValueError):  # that no motion of the energy takes the straight line
-            yield timed(self.problem, straight(self.problem).T), None, "line"
+            yield time_waypoints(self.problem, straight(self.problem).T), None, "line"
 
     def near(self) -> Iterator[DiscretePath]:
         """Yield paths over fixed durations, near those of the energy."""
@@ -124,7 +124,7 @@ class FirstPaths:
         if known is not None and known[1] > 0:
             durations = [float(known[0][-1])]
         else:
-            durations = self._crossed()
+            durations = self._durations_of_energy()
             if known is not None and known[1] < 0:
                 self.blocked = "the energy is below the potential on the straight line; "
             if known is not None:
@@ -138,7 +138,7 @@ class FirstPaths:
             else:
                 self.lost.append(T)
             if k == len(durations) - 1:
-                yield from self._scanned(T, first)
+                yield from self._scan(T, first)
 
     def longer_sought(self) -> Iterator[DiscretePath]:
         """Yield paths over the durations over which quick ways found none."""
@@ -146,9 +146,9 @@ class FirstPaths:
             first = self._over(T, brief=False)
             if first is not None:
                 yield first
-                yield from self._scanned(T, first)
+                yield from self._scan(T, first)
 
-    def _crossed(self) -> list[float]:
+    def _durations_of_energy(self) -> list[float]:
         """Return the durations over which the straight line has the energy, on the average."""
         found, last = [], None
         for T in TRIED_DURATIONS:
@@ -165,7 +165,7 @@ class FirstPaths:
             last = (T, excess) if np.isfinite(excess) else None
         return found
 
-    def _scanned(self, T: float, first: DiscretePath | None) -> Iterator[DiscretePath]:
+    def _scan(self, T: float, first: DiscretePath | None) -> Iterator[DiscretePath]:
         """Yield paths between whose durations the energy is passed, and say how low it gets."""
         seen = [] if first is None else [first]
         crossed = False
@@ -288,7 +288,7 @@ class FirstPaths:
             at = DiscretePath(tr, result.z)
             if not result.converged:
                 return None
-            sizes = measured(fixed, at.Q)[0]
+            sizes = coordinate_scales(fixed, at.Q)[0]
             return at if resolution(mesh, at.Q, sizes).worst < ROUGHLY else None
         try:
             found = on_the_way(fixed, FIRST_TOL, self.watch, brief=brief)
@@ -298,22 +298,22 @@ class FirstPaths:
         return found.discrete if found.success else None
 
 
-def guessed(problem: Problem, guess: Guess, represented: float) -> Path:
+def guess_path(problem: Problem, guess: Guess, represented: float) -> Path:
     """Return a guess on a mesh that represents it, with its duration."""
     if isinstance(guess, Solution):
         guess = guess.path
     if problem.free_time and not isinstance(guess, Path):
-        guess = timed(problem, guess)
+        guess = time_waypoints(problem, guess)
     if isinstance(guess, Path):
-        curve_on = stretched(problem, guess).on
+        curve_on = stretch_guess(problem, guess).on
         known = over(problem, guess.mesh.duration)
     else:
         known = over(problem, 1.0)
         curve_on = curve(known, guess)
-    return resolved(known, curve_on, represented)
+    return resolve_curve(known, curve_on, represented)
 
 
-def resolved(known: Problem, curve_on: Callable[[Mesh], Path], represented: float) -> Path:
+def resolve_curve(known: Problem, curve_on: Callable[[Mesh], Path], represented: float) -> Path:
     """Return a curve over the times of a problem on a mesh that represents it."""
     mesh = Mesh.uniform(known.start.t, known.end.t, LINEAR, COARSE_DEGREE)
     found = curve_on(mesh)
@@ -323,7 +323,7 @@ def resolved(known: Problem, curve_on: Callable[[Mesh], Path], represented: floa
         shown = resolution(mesh, found.values.T, size)
         if shown.worst <= represented:
             break
-        mesh = refined(shown, represented / 2)
+        mesh = cheapest_mesh(shown, represented / 2)
         found = curve_on(mesh)
     return found
 
@@ -360,14 +360,14 @@ def passing(problem: Problem, path: Path) -> Path:
     return Path(mesh.moved(mesh.boundaries[0], mesh.boundaries[0] + T), values)
 
 
-def stretched(problem: Problem, guess: Path) -> Path:
+def stretch_guess(problem: Problem, guess: Path) -> Path:
     """Return a guess over the times of the events, where it begins and ends unless it closes."""
     known = over(problem, guess.mesh.duration)
     path = Path(guess.mesh.moved(known.start.t, known.end.t), guess.values)
-    return path if problem.closes else sheared(path, known)
+    return path if problem.closes else shear(path, known)
 
 
-def sheared(path: Path, problem: Problem) -> Path:
+def shear(path: Path, problem: Problem) -> Path:
     """Return a path moved in proportion to time so that it begins and ends where the events say."""
     s = path.mesh.nodes_since / path.mesh.duration
     values = path.values.copy()
@@ -396,7 +396,7 @@ def line(problem: Problem, mesh: Mesh) -> Array:
     return np.stack([np.interp(s, np.linspace(0, 1, LINE), row) for row in q.T])
 
 
-def timed(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> Path:
+def time_waypoints(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> Path:
     """Return waypoints as a path, in the time that a motion of the energy takes along them.
 
     Raises ValueError for other guesses, which have no duration.

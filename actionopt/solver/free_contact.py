@@ -21,8 +21,8 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, on_the_way
 from actionopt.solver.durations import along
-from actionopt.solver.first_paths import FIRST_TOL, REPRESENTED, given_time, guessed, straight
-from actionopt.solver.least_along import released
+from actionopt.solver.first_paths import FIRST_TOL, REPRESENTED, given_time, guess_path, straight
+from actionopt.solver.least_along import release_contacts
 from actionopt.solver.obstacle import Along
 from actionopt.solver.on_surface import points, sizes
 from actionopt.solver.signals import SIGNALS, status_of
@@ -49,7 +49,7 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
                 continue
             ws = Along(Held(over(problem, near.duration)), tol=tol, watch=watch)
             try:
-                status = released(ws, tol, near)
+                status = release_contacts(ws, tol, near)
             except SIGNALS as signal:
                 status = status_of(signal)
                 ws.stop()
@@ -78,7 +78,7 @@ def _between_given(
     problem: Problem, guess: Guess | None, watch: Watch | None
 ) -> Iterator[Solution]:
     """Yield paths between given events near what is asked."""
-    path = None if guess is None else guessed(problem, guess, REPRESENTED[0])
+    path = None if guess is None else guess_path(problem, guess, REPRESENTED[0])
     asked = [problem]
     if problem.on_surface:
         pairs = None if path is None else [_ends(problem, path)]
@@ -88,7 +88,7 @@ def _between_given(
         if fixed.free_time:
             T = _duration(fixed, straight(fixed)) if path is None else path.mesh.duration
         for _ in range(DURATIONS):
-            found = on_the_way(_given(fixed, T), FIRST_TOL, watch, near)
+            found = on_the_way(_with_duration(fixed, T), FIRST_TOL, watch, near)
             if not (fixed.free_time and found.success):
                 break
             last, T = T, _duration(fixed, found.path.values.T)
@@ -98,7 +98,7 @@ def _between_given(
         yield found
 
 
-def _given(problem: Problem, duration: float) -> Problem:
+def _with_duration(problem: Problem, duration: float) -> Problem:
     """Return the question with events at given times."""
     there = over(problem, duration)
     return Problem(there.system, there.start, there.end, parameters=there.parameters)

@@ -40,7 +40,7 @@ def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
     `z` is the curve at which the applied force starts.
     """
     steps = min(HOMOTOPY_STEPS, HOMOTOPY_STEPS * ALL_STEPS_SIZE // tr.layout.size + FEWEST_STEPS)
-    way = _Way(tr, z, tr.residual(z))
+    way = HomotopyCurve(tr, z, tr.residual(z))
     for _ in range(steps):
         if not way.advance():
             return None
@@ -50,7 +50,7 @@ def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
 
 
 @dataclass(eq=False)
-class _Way:
+class HomotopyCurve:
     """A way along the curve R(z) = (1 - s) `force`, one step after the other.
 
     Attributes
@@ -72,9 +72,9 @@ class _Way:
 
     def advance(self) -> bool:
         """Take a step; False if there is none."""
-        return (self.direction is not None or self._aimed()) and self._stepped()
+        return (self.direction is not None or self._find_direction()) and self._step_along()
 
-    def _aimed(self) -> bool:
+    def _find_direction(self) -> bool:
         """Find the direction of the curve."""
         try:
             factors = Factors(self.tr.layout, self.tr.kkt(self.z), many=True)
@@ -82,9 +82,9 @@ class _Way:
         except np.linalg.LinAlgError:
             return False
         self.count += 1
-        return self._turned(slope)
+        return self._keep_direction(slope)
 
-    def _turned(self, slope: Array) -> bool:
+    def _keep_direction(self, slope: Array) -> bool:
         """Keep going the same way along the curve, through a fold in s as well."""
         cut = self.tr.layout.unknowns
         norm = np.sqrt(np.mean(slope[:cut] ** 2) + 1.0)
@@ -95,14 +95,14 @@ class _Way:
         self.direction, self.ds = sign * slope / norm, sign / float(norm)
         return bool(norm > 0)
 
-    def _stepped(self) -> bool:
+    def _step_along(self) -> bool:
         """Go along it as far as the corrector follows, and not far beyond s = 1."""
         assert self.direction is not None
         while self.length >= SHORTEST_ARC:
             step, ds = self.length, self.ds
             if ds > 0 and self.s + step * ds > 1.0:
                 step = min(step, (1.0 - self.s) / ds)
-            trial = self._corrected(self.z + step * self.direction, self.s + step * ds)
+            trial = self._correct(self.z + step * self.direction, self.s + step * ds)
             if trial is None:
                 self.length = step / 2
                 continue
@@ -117,10 +117,10 @@ class _Way:
                 bool(np.max(np.abs(z[: self.tr.layout.unknowns])) < RUNAWAY_CURVE)
                 and 1.0 - s < RUNAWAY_FORCE
             )
-            return self._turned(slope) and near
+            return self._keep_direction(slope) and near
         return False
 
-    def _corrected(self, z: Array, s: float) -> tuple[Array, float, Array, int] | None:
+    def _correct(self, z: Array, s: float) -> tuple[Array, float, Array, int] | None:
         """Return (z, s, dz/ds, steps) on the curve, on the plane across its direction; or None."""
         tr, cut, last = self.tr, self.tr.layout.unknowns, np.inf
         assert self.direction is not None

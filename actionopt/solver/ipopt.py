@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from actionopt.discrete.factors import compressed
+from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.interrupts import raised_later
 from actionopt.tools.types import Array
@@ -193,7 +193,7 @@ class _Solver:
         return 0.0, 0.0
 
     def _root_rows(self, x, p):
-        return self.bound.residual(x), compressed(self.bound.layout, self.bound.kkt(x))
+        return self.bound.residual(x), kkt_nonzeros(self.bound.layout, self.bound.kkt(x))
 
     def _root_hessian(self, x, p, lam_f, lam_g):
         return (0.0,)

@@ -103,25 +103,25 @@ class Iterate(DiscretePath):
             return self
         return replace(self, factors=None, probed=None)
 
-    def arrived(self, result: Followed) -> Self:
+    def at_result(self, result: Followed) -> Self:
         """Return the path at which Newton's method arrived."""
         tr = self.equations.at(result.z)
         Q = tr.coordinates(result.z)
-        sizes, lengths = measured(tr.problem, Q)
+        sizes, lengths = coordinate_scales(tr.problem, Q)
         shown = resolution(tr.mesh, Q, sizes)
         known = {"sizes": sizes, "lengths": lengths, "represented": shown, "probed": None}
         unit = self._unit(sizes)
-        known |= _estimated(self.gain, result.noise * unit, unit, shown)
+        known |= _estimate(self.gain, result.noise * unit, unit, shown)
         known |= {"factors": result.factors, "since": result.since}
         return replace(self, tr=tr, z=result.z, **known)
 
-    def estimated(self, gain: float, noise: float | None = None) -> Self:
+    def with_error(self, gain: float, noise: float | None = None) -> Self:
         """Return the same with the estimate of its error for a gain, and of its noise.
 
         The gain is at least what amplified round-off says that other errors are amplified.
         """
         noise = self.noise if noise is None else noise
-        return replace(self, **_estimated(gain, noise, self.unit, self.resolution))
+        return replace(self, **_estimate(gain, noise, self.unit, self.resolution))
 
     @property
     def resolution(self) -> Resolution:
@@ -142,28 +142,28 @@ class Iterate(DiscretePath):
 
     @property
     def unit(self) -> float:
-        """What `measured` steps are in the path's own size, at most."""
+        """What `coordinate_scales` steps are in the path's own size, at most."""
         return self._unit(self.sizes)
 
     def _unit(self, sizes: Array) -> float:
         unit = self.tr.lengths if self.tr.origin is None else self.tr.lengths + abs(self.tr.origin)
         return max(1.0, float((unit / sizes).max()))
 
-    def factored(self, many: bool) -> Self:
+    def with_factors(self, many: bool) -> Self:
         """Return the same with factors of the matrix; `many` as `Factors` has it."""
         if self.factors is not None:
             return self
         equations = self.equations
         return replace(self, factors=Factors(equations.layout, equations.kkt(self.z), many=many))
 
-    def updated(self) -> Self:
+    def with_fresh_factors(self) -> Self:
         """Return the same with factors of the matrix where the path is, not close to it."""
         if self.factors is None:
             return self
         factors = self.factors.near(self.equations.kkt(self.z))
         return replace(self, factors=factors, probed=None, since=0.0)
 
-    def missed(self, tol: float, many: bool) -> tuple[float, Self]:
+    def quadrature_shift(self, tol: float, many: bool) -> tuple[float, Self]:
         """Return how far the path would move if its forces were summed over other points.
 
         Nothing is missed where they are linear in the path and do not depend on time. And the
@@ -171,7 +171,7 @@ class Iterate(DiscretePath):
         """
         if self.problem.system.structure.steady:
             return 0.0, self
-        here = self.factored(many)
+        here = self.with_factors(many)
         assert here.factors is not None
         residual, carried = unseen(self, tol / self.unit)
         with np.errstate(all="ignore"):
@@ -180,7 +180,7 @@ class Iterate(DiscretePath):
                 here = replace(here, probed=probed)
             else:
                 step = here.factors.solve(residual)
-        return max(self.equations.measured(step), carried) * self.unit, here
+        return max(self.equations.relative_step(step), carried) * self.unit, here
 
     @property
     def can_be_one_of_many(self) -> bool:
@@ -194,7 +194,7 @@ class Iterate(DiscretePath):
         """Return the same with the `probe` after a step of inverse iteration; `many` as above."""
         if self.probed is not None:
             return self
-        here = self.factored(many)
+        here = self.with_factors(many)
         assert here.factors is not None
         return replace(here, probed=here.factors.solve(here.momentum(here.probe)))
 
@@ -215,16 +215,18 @@ class Iterate(DiscretePath):
         """The variation (unknowns,) that inverse iteration begins with."""
         return self.tr.layout.probe[: self.tr.layout.unknowns]
 
-    def sampled(self) -> Self:
+    def with_larger_noise(self) -> Self:
         """Return the same with the larger noise of two samples: one may be small by chance.
 
         The other is what the residual asks for after the step that the first one was.
         """
-        here, equations, z = self.factored(many=False), self.equations, self.z
+        here, equations, z = self.with_factors(many=False), self.equations, self.z
         assert here.factors is not None
         step = here.factors.solve(equations.residual(z))
-        noise = equations.measured(here.factors.solve(equations.residual(z - step))) * self.unit
-        return here.estimated(here.gain, max(here.noise, noise))
+        noise = (
+            equations.relative_step(here.factors.solve(equations.residual(z - step))) * self.unit
+        )
+        return here.with_error(here.gain, max(here.noise, noise))
 
     def momentum(self, x: Array) -> Array:
         """Return the momentum (size,) of a variation (unknowns,), as `equations` have it."""
@@ -248,7 +250,7 @@ class Iterate(DiscretePath):
             return 0.0
         equations = self.equations
         factors = Factors(equations.layout, equations.kkt(self.z))
-        return equations.measured(factors.solve(equations.misread(self.z))) * self.unit
+        return equations.relative_step(factors.solve(equations.misread(self.z))) * self.unit
 
     @property
     def singular(self) -> bool:
@@ -279,7 +281,7 @@ class UnfixedPath(Iterate):
         return self.bordered
 
     @property
-    def pushed(self) -> float:
+    def push_force(self) -> float:
         """The forces that hold a closed path, in its units and sizes: none hold a motion."""
         forces = self.z[self.bordered.forces]
         largest = np.abs(forces).max(initial=0.0)
@@ -291,10 +293,10 @@ class UnfixedPath(Iterate):
         return bool(np.ptp(self.Q, axis=0).max() > AT_REST * np.abs(self.Q).max())
 
 
-def _estimated(gain: float, noise: float, unit: float, shown: Resolution) -> dict[str, float]:
+def _estimate(gain: float, noise: float, unit: float, shown: Resolution) -> dict[str, float]:
     """Return gain, noise and error as `Iterate` has them."""
-    gain = max(gain, amplified(noise) / unit)
-    return {"gain": gain, "noise": noise, "error": estimate(gain, shown.expected, noise)}
+    gain = max(gain, amplification(noise) / unit)
+    return {"gain": gain, "noise": noise, "error": estimate(gain, shown.by_rate, noise)}
 
 
 def estimate(gain: Number, omitted: Number, noise: Number) -> Number:
@@ -302,12 +304,12 @@ def estimate(gain: Number, omitted: Number, noise: Number) -> Number:
     return SAFETY * (gain * omitted + noise + POLYNOMIAL_ROUNDOFF)
 
 
-def amplified(noise: Number) -> Number:
+def amplification(noise: Number) -> Number:
     """Return how far errors are amplified at least, as noise says; as well for arrays."""
     return noise / (ORDINARY * POLYNOMIAL_ROUNDOFF)
 
 
-def hidden(structure: Structure, left: Number, tol: float) -> Any:
+def may_matter(structure: Structure, left: Number, tol: float) -> Any:
     """Return whether what a mesh leaves out may matter to the forces; as well for arrays.
 
     The narrowest feature that is looked for is a part of the whole in `samples`, and what is left
@@ -324,14 +326,14 @@ def unseen(at: Iterate, tol: float) -> tuple[Array, float]:
     momentum that is missed carries a body 1 / (1 + w T) as far as a free one, w the typical rate.
     """
     with np.errstate(all="ignore"):
-        followed = hidden(at.problem.system.structure, at.resolution.worst, tol)
-        residual, carried = at.equations.missed(at.z, followed=followed)
+        followed = may_matter(at.problem.system.structure, at.resolution.worst, tol)
+        residual, carried = at.equations.quadrature_defect(at.z, followed=followed)
         if SAFETY * carried > tol:
             carried /= 1.0 + at.tr.turns(at.z)
         return residual, carried
 
 
-def measured(problem: Problem, Q: Array | None) -> tuple[Array, Array]:
+def coordinate_scales(problem: Problem, Q: Array | None) -> tuple[Array, Array]:
     """Return sizes and lengths (n,) as node coordinates Q (K, n) tell, or the events alone."""
     if Q is None:
         return problem.scales, problem.lengths

@@ -28,19 +28,19 @@ from actionopt.solver.obstacle import (
     ORDER,
     VANISHING,
     Along,
-    Changed,
+    ContactChange,
 )
 from actionopt.solver.refine import refine
 from actionopt.solver.supports import tight
 from actionopt.solver.touching import (
     NO_ROOM,
+    contact_parts,
     is_of_higher_order,
     lines,
     narrow,
     other_sides,
     sideways,
     touch,
-    touched,
     unseen,
 )
 from actionopt.tools.types import EPS, Array
@@ -72,7 +72,7 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tup
     kept: tuple[Along, Status] | None = None
     last = ws, Status.NOT_FOUND
     try:
-        for found, status, least in _sought(ws, tol, curve_of):
+        for found, status, least in _search(ws, tol, curve_of):
             last = found, status
             if status is Status.NOT_FOUND or status is Status.UNRESOLVED:
                 continue
@@ -88,7 +88,7 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tup
     return kept or last
 
 
-def _sought(
+def _search(
     ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None
 ) -> Iterator[tuple[Along, Status, bool]]:
     """Yield what is found on finer and finer meshes: see `_least`."""
@@ -119,15 +119,15 @@ def _sought(
             if not windows:
                 windows = narrow(first[0])
                 yield _least(ws, tol, first)
-            ws.stand(first[0])
-        if k == 0 and (drawn := _drawn(ws, tol, mesh, guesses[0])):
+            ws.take_up(first[0])
+        if k == 0 and (drawn := _draw_strings(ws, tol, mesh, guesses[0])):
             yield drawn
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
         if since.size > CONTACT_ELEMENTS or ws.hint in HOPELESS:
             return
 
 
-def _drawn(
+def _draw_strings(
     ws: Along, tol: float, mesh: Mesh, guess: Path | None
 ) -> tuple[Along, Status, bool] | None:
     """Return what is found from strings drawn tight round the obstacle, on a guess's side or both.
@@ -152,7 +152,7 @@ def _drawn(
         string = tight(ws.here, side)
         if string is None:
             continue
-        status = _refined(ws, tol, string[1], string[0])
+        status = _refine_contact(ws, tol, string[1], string[0])
         if status is not Status.NOT_FOUND and (not best or ws.here.action < best[0].here.action):
             best = copy(ws), status, True
     return best
@@ -187,9 +187,9 @@ def _least(ws: Along, tol: float, first: list[Iterate]) -> tuple[Along, Status, 
             continue
         tried.append(found)
         ws.restart()
-        ws.stand(found)
+        ws.take_up(found)
         try:
-            last = _refined(ws, tol, touched(ws.here))
+            last = _refine_contact(ws, tol, contact_parts(ws.here))
         except (OutOfTime, Spent):
             if best is None:
                 raise
@@ -208,7 +208,7 @@ def _another(found: Iterate, tried: list[Iterate]) -> bool:
     return all(difference.max() > FLAT for difference in apart)
 
 
-def released(ws: Along, tol: float, near: Solution) -> Status:
+def release_contacts(ws: Along, tol: float, near: Solution) -> Status:
     """Go from a path between given events to one whose ends or duration are to be found.
 
     With its parts in contact or, where that fails, with none at first: they may be about to vanish.
@@ -218,13 +218,15 @@ def released(ws: Along, tol: float, near: Solution) -> Status:
         ws.restart()
         ws.problem = Held(question, arcs)
         ws.transcribe(near.mesh, near.path, near.lam.T if arcs else None, like=near.path)
-        status = _refined(ws, tol, arcs)
+        status = _refine_contact(ws, tol, arcs)
         if status.success:
             break
     return status
 
 
-def _refined(ws: Along, tol: float, arcs: tuple[Arc, ...], curve: Path | None = None) -> Status:
+def _refine_contact(
+    ws: Along, tol: float, arcs: tuple[Arc, ...], curve: Path | None = None
+) -> Status:
     """Hold what is in contact and refine the path, until all conditions are satisfied.
 
     That are the `arcs` along the path at hand or, if that is given, a `curve`.
@@ -248,17 +250,17 @@ def _refined(ws: Along, tol: float, arcs: tuple[Arc, ...], curve: Path | None = 
                     ws.hint = SMALL_OBSTACLE
                 return Status.NOT_FOUND
             ws.hint = ""
-            other = ws.changed(allowed)
+            other = ws.next_contacts(allowed)
             if other is None:
                 if not ws.as_given():
                     ws.hint = ws.why()
                     return Status.NOT_FOUND
                 status = refine(ws, tol, least=True)
-                other = ws.changed(allowed) if status.success else None
+                other = ws.next_contacts(allowed) if status.success else None
                 if other is None:
-                    return _judged(ws, tol, status)
+                    return _judge(ws, tol, status)
             arcs = other
-        except Changed as change:
+        except ContactChange as change:
             arcs = change.arcs
         except np.linalg.LinAlgError:
             ws.hint = ORDER if is_of_higher_order(held) else DEPENDENT
@@ -269,7 +271,7 @@ def _refined(ws: Along, tol: float, arcs: tuple[Arc, ...], curve: Path | None = 
     return Status.UNRESOLVED
 
 
-def _judged(ws: Along, tol: float, status: Status) -> Status:
+def _judge(ws: Along, tol: float, status: Status) -> Status:
     """Return the verdict on a path that may be inside of the obstacle by a part of the tolerance.
 
     Where it is held at last it moves by as much.

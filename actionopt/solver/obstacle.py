@@ -27,7 +27,7 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.contact_times import stretched, tangential, without
+from actionopt.discrete.contact_times import tangential, with_contact_times, without
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -74,7 +74,7 @@ FAMILY = (
 )
 
 
-class Changed(Exception):
+class ContactChange(Exception):
     """Other parts of the path are in contact than was thought."""
 
     def __init__(self, arcs: tuple[Arc, ...]) -> None:
@@ -98,7 +98,7 @@ class Along(Workspace):
     freed: bool = False
 
     @property
-    def held(self) -> Held:
+    def contact_problem(self) -> Held:
         """The question with the parts in contact that are thought so."""
         assert isinstance(self.problem, Held)
         return self.problem
@@ -106,7 +106,7 @@ class Along(Workspace):
     @property
     def question(self) -> Problem:
         """What was asked; at the duration at hand, where that is to be found."""
-        return self.held.free
+        return self.contact_problem.free
 
     @property
     def here(self) -> Iterate:
@@ -124,8 +124,10 @@ class Along(Workspace):
         if not isinstance(here, UnfixedPath):
             return super().answer()
         if question.on_surface:
-            question = (question.asked or question).found(*self.held.span, here.Q[[0, -1]])
-        held = Held(question, self.held.arcs)
+            question = (question.asked or question).with_times(
+                *self.contact_problem.span, here.Q[[0, -1]]
+            )
+        held = Held(question, self.contact_problem.arcs)
         return question, DiscretePath.of(held, here.path, here.rows)
 
     # -- the path and its times of contact -------------------------------------------------------
@@ -135,7 +137,7 @@ class Along(Workspace):
 
         Those of a thin obstacle are less at its edge, by orders, than on the straight line.
         """
-        here, held = super()._at(mesh, path, lam, like), self.held
+        here, held = super()._at(mesh, path, lam, like), self.contact_problem
         old, layout = here.tr, here.tr.layout
         if held.arcs and layout.rows:
             t = here.mesh.nodes
@@ -146,18 +148,18 @@ class Along(Workspace):
                 units, layout.row_constraint, slopes[layout.row_constraint, layout.row_node]
             )
             units = np.where(np.isfinite(units), units, old.row_units)
-            tr = self.units = old.scaled(np.maximum(units, FLATTEST * old.row_units))
+            tr = self.units = old.with_row_units(np.maximum(units, FLATTEST * old.row_units))
             self._attach(tr)
             z = here.z.copy()
             z[here.x.size :] *= old.mu_unit / tr.mu_unit
             here = replace(here, tr=tr, z=z)
-        if held.unfixed:
+        if held.has_free_boundary:
             bordered, y = Bordered.beside(held.asked or held, here)
             known = here.sizes, here.lengths, here.gain
             here = UnfixedPath(here.tr, y, *known, bordered=bordered)
         return here
 
-    def stand(self, found: Iterate) -> None:
+    def take_up(self, found: Iterate) -> None:
         """Take up a path that Ipopt found, with the contacts it had there."""
         self.problem, self.here = found.problem, found
 
@@ -167,13 +169,13 @@ class Along(Workspace):
         The path is the one at hand or a `curve`, along which multipliers are those of a motion.
         """
         old, free = self.here.bare(), self.question
-        self.problem = held = self.held.holding(arcs)
+        self.problem = held = self.contact_problem.holding(arcs)
         # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
         values = np.where(np.abs(old.Q) < IPOPT_TOLERANCE * free.lengths, 0.0, old.Q).T
         path = curve or Path(old.mesh, values)
         T = free.duration
         parts = [np.zeros(1)]
-        for a, b in pairwise(np.union1d(held.fixed, held.contact_times) - free.start.t):
+        for a, b in pairwise(np.union1d(held.fixed_times, held.contact_times) - free.start.t):
             count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / T)), 1)
             cuts = np.linspace(a, b, count + 1)
             times, turned = turns(held, path, a, b)
@@ -183,37 +185,49 @@ class Along(Workspace):
                 cuts = np.interp(np.linspace(0.0, 2.0, count + 1), both, times)
             parts.append(np.append(cuts[1:-1], b))
         mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), COARSE_DEGREE)
-        lam = self._pressed(path.on(mesh)) if curve else self._passed(old, path.on(mesh))
+        lam = (
+            self._contact_multipliers(path.on(mesh))
+            if curve
+            else self._convert_multipliers(old, path.on(mesh))
+        )
         self.transcribe(mesh, path, lam, like=path)
 
     def as_given(self) -> bool:
         """Follow the path with the obstacle's own rows, which are zero where those sought are."""
-        held, old = self.held, self.here
+        held, old = self.contact_problem, self.here
         if not held.sought:
             return True
         self.problem, self.units = Held(self.question, held.arcs), None
-        self.transcribe(old.mesh, old.path, self._passed(old, old.path), like=old.path)
+        self.transcribe(old.mesh, old.path, self._convert_multipliers(old, old.path), like=old.path)
         return self.follow()
 
-    def _passed(self, old: DiscretePath, path: Path) -> Array | None:
+    def _convert_multipliers(self, old: DiscretePath, path: Path) -> Array | None:
         """Return multipliers (K, m + r) that press as those of another form of the rows do."""
-        lam, before, now = old.rows_on(path.mesh), old.tr.problem.system, self.held.system
+        lam, before, now = (
+            old.rows_on(path.mesh),
+            old.tr.problem.system,
+            self.contact_problem.system,
+        )
         if lam is None or before is now:
             return lam
-        state, parameters = (path.values, path.mesh.nodes), self.held.parameters
+        state, parameters = (path.values, path.mesh.nodes), self.contact_problem.parameters
         G = before.constraint_jacobian(*state, parameters=old.tr.problem.parameters)
         normals = now.constraint_jacobian(*state, parameters=parameters)
         slopes = np.linalg.norm(normals, axis=1)
         return lam * (np.linalg.norm(G, axis=1) / np.where(slopes > 0, slopes, 1.0)).T
 
-    def _pressed(self, path: Path) -> Array:
+    def _contact_multipliers(self, path: Path) -> Array:
         """Return the multipliers (K, m + r) of a motion along a path, held where contact is."""
-        t, parameters = path.mesh.nodes, self.held.parameters
-        state, shape = (path.values, path.velocity(t), t), (self.held.system.m, t.size)
+        t, parameters = path.mesh.nodes, self.contact_problem.parameters
+        state, shape = (path.values, path.velocity(t), t), (self.contact_problem.system.m, t.size)
         lam = np.zeros(shape)
         with suppress(np.linalg.LinAlgError):
-            lam[: self.question.system.m] = self.held.multipliers(*state, parameters=parameters)
-            lam[self.question.system.m :] = -self.held.contact_force(*state, parameters=parameters)
+            lam[: self.question.system.m] = self.contact_problem.multipliers(
+                *state, parameters=parameters
+            )
+            lam[self.question.system.m :] = -self.contact_problem.contact_force(
+                *state, parameters=parameters
+            )
         return np.nan_to_num(lam, posinf=0.0, neginf=0.0).T
 
     def follow(self, reach: float = np.inf) -> bool:
@@ -227,7 +241,7 @@ class Along(Workspace):
             z = here.z.copy()
             z[: here.x.size] = here.tr.pack(np.zeros(here.Q.shape))[: here.x.size]
             scales = self.question.scales
-            self.here = replace(here.moved(z), sizes=scales, lengths=lengths).estimated(
+            self.here = replace(here.moved(z), sizes=scales, lengths=lengths).with_error(
                 here.gain, 0.0
             )
         return True
@@ -249,7 +263,7 @@ class Along(Workspace):
         force, done, part = self.here.equations.residual(self.here.z), 0.0, 1.0
         while done < 1.0:
             problem, here, units = self.problem, self.here, self.units
-            with suppress(Changed):
+            with suppress(ContactChange):
                 if self._join((1.0 - done - part) * force):
                     done += part
                     part = min(2 * part, 1.0 - done)
@@ -264,7 +278,7 @@ class Along(Workspace):
         """Move path and times of contact to where it is tangential; False if that fails."""
         last = np.inf
         for _ in range(JOINS):
-            times = self.held.contact_times
+            times = self.contact_problem.contact_times
             if not times.size:
                 return True
             here = self.here
@@ -274,7 +288,7 @@ class Along(Workspace):
                 return False
             step, move = found
             size = float(np.abs(step).max()) / self.question.duration
-            size = max(size, here.equations.measured(move))
+            size = max(size, here.equations.relative_step(move))
             if not size < RUNAWAY_STEP:
                 return False
             if last < STALLED_TIME and size > last / 2:
@@ -289,7 +303,7 @@ class Along(Workspace):
 
     def _within(self, times: Array, step: Array) -> float:
         """Return what part of a step lets no part shrink too much; raise where one vanishes."""
-        knots = np.union1d(self.held.fixed, times)
+        knots = np.union1d(self.contact_problem.fixed_times, times)
         moves = np.zeros(knots.size)
         moves[np.searchsorted(knots, times)] = step
         lengths, changes = np.diff(knots), np.diff(moves)
@@ -297,7 +311,7 @@ class Along(Workspace):
         gone = (lengths < shortest) & (changes < 0)
         if gone.any():
             k = int(np.flatnonzero(gone)[0])
-            raise Changed(without(self.held, knots[k], knots[k + 1]))
+            raise ContactChange(without(self.contact_problem, knots[k], knots[k + 1]))
         limit = (SHRINK - 1) * lengths
         return min(1.0, float(np.min(limit / np.minimum(changes, limit))))
 
@@ -305,7 +319,7 @@ class Along(Workspace):
         """Move the times of contact, and the mesh and the path with them."""
         here = self.here
         here.tr.forget()
-        self.units = tr = stretched(here.tr, times, step)
+        self.units = tr = with_contact_times(here.tr, times, step)
         self._attach(tr)
         here = replace(here.moved(here.z), tr=tr)
         if isinstance(here, UnfixedPath):
@@ -314,11 +328,11 @@ class Along(Workspace):
 
     def why(self) -> str:
         """Return why a path may not be found by Newton's method."""
-        if not is_smooth(self.held.system.operations(self.question.system.outside)):
+        if not is_smooth(self.contact_problem.system.operations(self.question.system.outside)):
             return KINKED
         if is_of_higher_order(self.here):
             return ORDER
-        told, t = Held(self.question, self.held.arcs, sought=True), self.here.mesh.nodes
+        told, t = Held(self.question, self.contact_problem.arcs, sought=True), self.here.mesh.nodes
         on, n = told.active(t), told.system.n
         G = told.system.constraint_jacobian(self.here.Q.T, t, parameters=told.parameters)
         G = G * 2.0 ** measures(told.lengths)[:, None]
@@ -332,13 +346,13 @@ class Along(Workspace):
 
     # -- the conditions between the nodes --------------------------------------------------------
 
-    def changed(self, allowed: float) -> tuple[Arc, ...] | None:
+    def next_contacts(self, allowed: float) -> tuple[Arc, ...] | None:
         """Return other parts to hold, if the path violates a condition somewhere; else None.
 
         A part that would have to be pulled is freed, one inside of the obstacle is held, if it is
         so by more than is `allowed`, in the path's own size; `inside` tells by how much.
         """
-        here, held, m = self.here, self.held, self.question.system.m
+        here, held, m = self.here, self.contact_problem, self.question.system.m
         assert held.arcs is not None
         t = looked_at(here)
         q, f, on = here.path(t), rows_along(here, t), held.active(t)[m:]
@@ -371,7 +385,7 @@ class Along(Workspace):
 
     def _idle(self, t: Array, push: Array, least: Array) -> tuple[Arc, ...] | None:
         """Return the parts without those that touch and hardly press, once; None if all press."""
-        arcs = self.held.arcs or ()
+        arcs = self.contact_problem.arcs or ()
         pressing = tuple(
             arc
             for arc in arcs

@@ -51,7 +51,7 @@ def firsts(
         tr = Transcription(fixed, first.mesh, fixed.lengths)
         tr.watch = watch
         found = approach(tr, tr.pack(first.values.T), APPROACHES)
-        yield first if found is None else DiscretePath(tr, found[0]).polished().path
+        yield first if found is None else DiscretePath(tr, found[0]).polish().path
 
 
 def thorough(problem: Problem, watch: Watch | None) -> Iterator[Path]:

@@ -100,7 +100,7 @@ def _check_events(tr: Transcription, Q: Array) -> None:
     waves = np.cos(np.arange(1.0, 1 + CHECKED_VELOCITIES * n)).reshape(CHECKED_VELOCITIES, n)
     v = waves * rates * np.logspace(0, -6, CHECKED_VELOCITIES)[:, None]  # some stay below a limit
 
-    def found(q: Array, t: float) -> str:
+    def nonfinite(q: Array, t: float) -> str:
         """Return what is not finite there at any velocity, if anything is."""
         at = np.repeat(q[None], CHECKED_VELOCITIES, axis=0)
         state = at, v, np.full((CHECKED_VELOCITIES, 1), t), problem.packed
@@ -112,15 +112,15 @@ def _check_events(tr: Transcription, Q: Array) -> None:
         return next((x for x, good in zip(names, finite, strict=True) if not good.any()), "L")
 
     for k, role, event in ((0, "start", problem.start), (-1, "end", problem.end)):
-        what = found(Q[k], nodes[k])
+        what = nonfinite(Q[k], nodes[k])
         if not what:
             continue
         beside = tr.mesh.duration * BESIDE_EVENT * (1 if k == 0 else -1)
-        where = [f"t = {event.t:g}"] if not found(Q[k], nodes[k] + beside) else []
+        where = [f"t = {event.t:g}"] if not nonfinite(Q[k], nodes[k] + beside) else []
         for i in event.pinned:
             name = problem.system.coordinates[i]
             step = np.where(np.arange(n) == i, BESIDE_EVENT * tr.lengths, 0.0)
-            if not (found(Q[k] + step, nodes[k]) and found(Q[k] - step, nodes[k])):
+            if not (nonfinite(Q[k] + step, nodes[k]) and nonfinite(Q[k] - step, nodes[k])):
                 where.append(f"{name} = {Q[k, i]:g}")
         if not where:  # nor is it beside the event
             continue

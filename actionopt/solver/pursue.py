@@ -1,7 +1,7 @@
 """From a question to its answers: where to begin, how a path is reached from there, what to revise.
 
 A question is asked from one start after the other, the cheapest first (`starts`). From each a path
-is sought between given times (`between`, by the moves of `ladder`), or with what is to be found
+is sought between given times (`between`, by the moves of `strategies`), or with what is to be found
 beside it (`unfixed`); then it is asked whether the structure of the question was right, and which
 other one answers it if not (`revisions`). `solve` takes the first acceptable answer, a search for
 all paths all that are distinct.
@@ -21,17 +21,17 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import Guess, checked, curve
+from actionopt.solver.arguments import Guess, check_arguments, curve
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.durations import oscillations, well
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.free_contact import free_contact
 from actionopt.solver.iterate import AT_REST, ROUNDED
-from actionopt.solver.ladder import IPOPT
 from actionopt.solver.on_surface import NEAREST_POINTS, firsts, motions, thorough
-from actionopt.solver.revisions import infinite, revised
+from actionopt.solver.revisions import infinite, revise_all
+from actionopt.solver.strategies import IPOPT
 from actionopt.solver.through import solve_through
-from actionopt.solver.unfixed import unfixed
+from actionopt.solver.unfixed import solve_free_boundary
 from actionopt.solver.verdict import message_of
 from actionopt.tools.checks import tolerance
 from actionopt.tools.watch import OutOfTime
@@ -69,11 +69,11 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     if (problem.asked or problem).is_joined:
         yield _through(problem.asked or problem, guess, choices)
         return
-    if not problem.unfixed:
+    if not problem.has_free_boundary:
         if problem.is_infinite or problem.has_tails:
             yield from infinite(problem, guess, choices)
         else:
-            yield revised(problem, guess, choices)
+            yield revise_all(problem, guess, choices)
         return
     if problem.asked is not None:
         if callable(guess) and not isinstance(guess, (Path, Solution)):
@@ -87,7 +87,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     if not (problem.on_surface or problem.free_time) and (guess is None or choices.mesh):
         found = between(problem, guess, choices)
         if choices.mesh is None and moves(found[0]):  # it may be kinked at the start
-            found = unfixed(problem, found[0], choices)
+            found = solve_free_boundary(problem, found[0], choices)
         yield found
         return
     led = False
@@ -95,7 +95,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     try:
         for k, group in enumerate(starts(problem, guess, choices)):
             for start in group:
-                last = unfixed(problem, start, choices)
+                last = solve_free_boundary(problem, start, choices)
                 if problem.on_surface and guess is None:
                     last = replace(last[0], stats=last[0].stats | {"rung": "surface"}), last[1]
                 yield last
@@ -106,18 +106,18 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
                 return
     except OutOfTime:  # on the way to a start
         if not led:
-            path, _ = last or unfixed(problem, None, choices)
+            path, _ = last or solve_free_boundary(problem, None, choices)
             path = replace(path, status=Status.OUT_OF_TIME)
             yield path, message_of(path, choices.tol)
         return
     if last is None:
-        yield unfixed(problem, None, choices)
+        yield solve_free_boundary(problem, None, choices)
 
 
 def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path through events whose times or places are to be found, and the verdict."""
-    checked(problem, choices.tol, None, choices.principle, None)
-    if choices.mesh is not None or choices.ladder is IPOPT:
+    check_arguments(problem, choices.tol, None, choices.principle, None)
+    if choices.mesh is not None or choices.strategies is IPOPT:
         raise ValueError(
             "expected neither a mesh nor method 'ipopt' where times or places of events between "
             "the ends are to be found: both know given events; leave them out, and give tol"
@@ -159,13 +159,13 @@ def _oscillations(problem: Problem) -> list[Path]:
 def _check(problem: Problem, choices: Choices) -> None:
     """Raise ValueError for choices that do not fit a path with something to be found beside it."""
     tolerance(choices.tol)
-    if choices.ladder is IPOPT:
+    if choices.strategies is IPOPT:
         raise ValueError(
             "expected method 'auto' where a time is free, an event lies on a surface, or a path "
             "closes that may begin anywhere along itself, found 'ipopt': it knows given events"
         )
     if problem.on_surface:
-        checked(problem, choices.tol, None, choices.principle, None)
+        check_arguments(problem, choices.tol, None, choices.principle, None)
     if choices.mesh is None:
         return
     if problem.on_surface:

@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from actionopt.analysis.status import Status
-from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.crossing import Jump
 from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
-from actionopt.discrete.resolution import SHORTEST, refined
-from actionopt.solver.iterate import SAFETY, amplified
+from actionopt.discrete.resolution import SHORTEST, cheapest_mesh
+from actionopt.solver.iterate import SAFETY, amplification
 from actionopt.solver.workspace import MEASURABLE, Workspace
 
 # Ad hoc, where nothing else is said.
@@ -46,24 +46,24 @@ BENDING = 100.0
 def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
     """Transfer the path from mesh to mesh until the tolerance is met or cannot be."""
     ws.unbalance = None
-    status = _refined(ws, tol, least=least)
+    status = _refine_once(ws, tol, least=least)
     if status is Status.FLOOR:
-        ws.unbalanced()
+        ws.find_imbalance()
     if ws.unbalance is not None:
         ws.here = replace(ws.here, error=np.inf)
         return Status.JUMP if isinstance(ws.unbalance, Jump) else Status.UNRESOLVED
     return status
 
 
-def _refined(ws: Workspace, tol: float, *, least: bool) -> Status:
+def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
     stalled, missed, most = 0, np.inf, MAX_UNKNOWNS
     for _ in range(ROUNDS):
         before = ws.here.resolution
-        if ws.here.error <= tol < NOTICEABLE * ws.here.noise and amplified(ws.here.noise) > 1:
-            ws.here = ws.here.sampled()
+        if ws.here.error <= tol < NOTICEABLE * ws.here.noise and amplification(ws.here.noise) > 1:
+            ws.here = ws.here.with_larger_noise()
         resolved = ws.here.error <= tol
         if resolved:
-            last, missed = missed, ws.missed()
+            last, missed = missed, ws.quadrature_shift()
             here = ws.here
             error = max(here.error, SAFETY * missed) + (here.misread() if here.late else 0.0)
             if error != here.error:
@@ -71,7 +71,7 @@ def _refined(ws: Workspace, tol: float, *, least: bool) -> Status:
             if error <= tol:
                 if here.singular:
                     return Status.UNRESOLVED
-                off = ws.unbalanced()
+                off = ws.find_imbalance()
                 if isinstance(off, Jump):
                     return Status.JUMP
                 if off is None and ws.here.error <= tol:
@@ -88,35 +88,35 @@ def _refined(ws: Workspace, tol: float, *, least: bool) -> Status:
                     ws.hint = _misread(ws, misread) if here.late else ""
                     return Status.FLOOR
             if stalled == STALLED:
-                return _failed(ws)
+                return _failure(ws)
         else:
             target = tol / (2 * SAFETY * ws.here.gain)
             if ws.many_coordinates:  # the path settles on a cheaper mesh first
                 target = max(target, NEXT_OMITTED * before.worst**2)
-            mesh = refined(before, target, sparse=ws.many_coordinates and ws.sparse)
+            mesh = cheapest_mesh(before, target, sparse=ws.many_coordinates and ws.sparse)
         if stalled == 0:
             most = min(max(FRUITLESS_GROWTH * _size(ws, mesh), FRUITLESS), MAX_UNKNOWNS)
         if MAX_UNKNOWNS > _size(ws, mesh) > most:  # more elements and nothing gained
-            return _failed(ws)
+            return _failure(ws)
         if _size(ws, mesh) > MAX_UNKNOWNS:
             ws.hint = (
                 f"the next mesh, of {mesh.elements} elements, would have more than "
                 f"{MAX_UNKNOWNS:,} unknowns; give a Mesh of your own if it is worth that"
             )
-            return _failed(ws)
+            return _failure(ws)
         if not ws.transfer(mesh, least=least, missed=missed if resolved else 0.0):
-            return _failed(ws)
+            return _failure(ws)
         if resolved:
             continue
-        here, worst, expected = ws.here, ws.here.resolution.worst, ws.here.resolution.expected
+        here, worst, expected = ws.here, ws.here.resolution.worst, ws.here.resolution.by_rate
         rounded = expected < MEASURABLE or here.gain * expected < here.noise
         if rounded and SAFETY * here.noise > tol:
-            ws.here = here.sampled()
-            return _failed(ws) if ws.here.noise > UNDETERMINED else Status.FLOOR
+            ws.here = here.with_larger_noise()
+            return _failure(ws) if ws.here.noise > UNDETERMINED else Status.FLOOR
         stalled = stalled + 1 if worst > before.worst / 2 else 0
-        if stalled == STALLED or ws.kinked:
-            return _failed(ws)
-    return _failed(ws)
+        if stalled == STALLED or ws.has_kink:
+            return _failure(ws)
+    return _failure(ws)
 
 
 def _size(ws: Workspace, mesh: Mesh) -> int:
@@ -140,7 +140,7 @@ def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
         return Status.UNRESOLVED
     if not np.isfinite(ws.here.error):  # Ipopt's, which is less accurate
         ws.follow()
-    missed, finer = ws.missed(), bounded(_finer(mesh), ws.problem.boundaries)
+    missed, finer = ws.quadrature_shift(), with_boundaries(_finer(mesh), ws.problem.boundaries)
     kept = ws.here
     ok = ws.transfer(finer, least=least)
     there = ws.here
@@ -149,7 +149,7 @@ def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
     known = ok and change < CREDIBLE_CHANGE
     error = 2 * float(change) + SAFETY * (there.noise + missed) if known else np.inf
     ws.here = replace(kept, gain=there.gain, noise=there.noise, error=error)
-    off = ws.unbalanced()
+    off = ws.find_imbalance()
     if off is not None:
         ws.here = replace(ws.here, error=np.inf)
     return Status.JUMP if isinstance(off, Jump) else Status.ON_MESH
@@ -185,7 +185,7 @@ def _finer(mesh: Mesh) -> Mesh:
     return mesh.cut(np.concatenate([starts, b[-1:]]), degrees)
 
 
-def _failed(ws: Workspace) -> Status:
+def _failure(ws: Workspace) -> Status:
     """Say why a path cannot be refined: it is not determined, or it was none.
 
     It is not determined where round-off is amplified since the action hardly bends in a direction.

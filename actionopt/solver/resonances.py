@@ -24,7 +24,7 @@ import numpy as np
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import CONTRACTION
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.places import SETTLED
+from actionopt.solver.component_newton import SETTLED
 from actionopt.tools.types import Array
 
 # Measured on pendulums of 30 to 100 links: what is found takes 5 to 60 factorizations, and holds up
@@ -33,10 +33,8 @@ FACTORIZATIONS, MOST_HELD = 100, 12
 # Ad hoc, lengths in units of the coordinates' sizes.
 RUNAWAY_MODE = 1.0  # step, beyond which a mode runs away
 SETTLING = 2  # steps until most modes have settled
-SETTLE_STEPS, FOLLOWING = (
-    20,
-    4,
-)  # until all other modes have settled, at first and as an amplitude grows
+# until all other modes have settled, at first and as an amplitude grows
+SETTLE_STEPS, FOLLOWING = 20, 4
 FIRST_AMPLITUDE, LARGEST_AMPLITUDE = 0.25, 1.0  # by which it grows, at first and at most
 SMALLEST_AMPLITUDE = 1e-2  # of the first growth: the way ends
 PAST = 1.5  # of the way to where the force would vanish if it were linear
@@ -68,7 +66,7 @@ class _Held:
 
 
 @dataclass(eq=False)
-class _Way:
+class _AmplitudeCurve:
     """A way along one amplitude: where it has come to, its sign, and the next growth."""
 
     at: _Held
@@ -87,17 +85,17 @@ class Resonances:
         """Return a point (size,) near a stationary path, from z; None if that fails."""
         with np.errstate(all="ignore"):
             none = np.zeros((z.size, 0))
-            at = self._settled(z, none, SETTLE_STEPS, hold=False)
-            at, kept = at or self._settled(z, none, SETTLE_STEPS, hold=True), 0
+            at = self._settle(z, none, SETTLE_STEPS, hold=False)
+            at, kept = at or self._settle(z, none, SETTLE_STEPS, hold=True), 0
             while at is not None and kept < at.forces.size:
-                free = self._released(at)
+                free = self._release(at)
                 if free is None:  # another may have to go first
                     at, kept = at.next(), kept + 1
                 else:
-                    at, kept = self._settled(*free, SETTLE_STEPS, hold=True), 0
+                    at, kept = self._settle(*free, SETTLE_STEPS, hold=True), 0
         return None if at is None or at.forces.size else at.z
 
-    def _settled(
+    def _settle(
         self, z: Array, modes: Array, steps: int, *, hold: bool, grown: float = 0.0
     ) -> _Held | None:
         """Take Newton's steps with the amplitudes kept, but for the first, which has to grow.
@@ -114,7 +112,7 @@ class Resonances:
             try:
                 factors = Factors(tr.layout, tr.kkt(z), many=True)
                 free = factors.solve(tr.residual(z))
-                carried = _carried(factors, modes)
+                carried = _displace(factors, modes)
                 while True:
                     stiffness = np.linalg.inv(modes.T @ carried)
                     forces = stiffness @ (wanted - modes.T @ (z - free))
@@ -136,7 +134,7 @@ class Resonances:
                     step -= modes @ (modes.T @ step)
                     mode = (step / np.linalg.norm(step))[:, None]
                     modes, last = np.hstack([modes, mode]), math.inf
-                    carried = np.hstack([carried, _carried(factors, mode)])
+                    carried = np.hstack([carried, _displace(factors, mode)])
                     wanted = np.append(wanted, mode[:, 0] @ z)
             except np.linalg.LinAlgError:
                 return None
@@ -145,16 +143,16 @@ class Resonances:
                 return _Held(z, modes, forces, np.diag(stiffness))
         return None
 
-    def _released(self, at: _Held) -> tuple[Array, Array] | None:
+    def _release(self, at: _Held) -> tuple[Array, Array] | None:
         """Return where the force along the first mode vanishes, and the modes still held."""
         unit = 1.0 / float(np.abs(at.modes[:, 0]).max())
         first = min(FIRST_AMPLITUDE * unit, PAST * abs(at.root))
-        ways = [_Way(at, sign * np.sign(at.root), first) for sign in (1.0, -1.0)]
+        ways = [_AmplitudeCurve(at, sign * np.sign(at.root), first) for sign in (1.0, -1.0)]
         while ways:
             for way in tuple(ways):
                 here, ahead = way.at, way.at.root * way.sign
                 growth = min(way.growth, PAST * ahead) if ahead > 0 else way.growth
-                there = self._settled(
+                there = self._settle(
                     here.z, at.modes, FOLLOWING, hold=False, grown=way.sign * growth
                 )
                 if there is None or not np.abs(there.z).max() < FAR_FROM_LINE:
@@ -169,6 +167,6 @@ class Resonances:
         return None
 
 
-def _carried(factors: Factors, forces: Array) -> Array:
+def _displace(factors: Factors, forces: Array) -> Array:
     """Return where forces (size, k) along modes carry the path (size, k)."""
     return np.stack([factors.solve(f) for f in forces.T], axis=1) if forces.size else forces

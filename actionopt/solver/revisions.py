@@ -22,8 +22,15 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver import window
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, between
-from actionopt.solver.family import LOST, conditioned
-from actionopt.solver.ladder import BRIEF, DESCENT_COORDINATES, IPOPT, LADDER, NEAR, Search
+from actionopt.solver.family import LOST, softest_condition
+from actionopt.solver.strategies import (
+    CHEAP,
+    DESCENT_COORDINATES,
+    GUESS_ONLY,
+    IPOPT,
+    STRATEGIES,
+    Search,
+)
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import FINEST, tolerance
@@ -47,7 +54,7 @@ DWELT = (*LOST, Status.DEGENERATE)  # what DWELLING may look like
 DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest
 
 
-def revised(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+def revise_all(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path between events at given times, and the verdict with its figures."""
     found = between(problem, guess, choices)
     for revise in REVISIONS:
@@ -66,12 +73,12 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     tolerance(choices.tol)
     here = window.first(problem.whole, guess, choices.tol, choices.mesh)
     inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
-    if here.guess is None and choices.ladder is NEAR:  # the guess was the straight line
-        inner = replace(inner, ladder=BRIEF)
+    if here.guess is None and choices.strategies is GUESS_ONLY:  # the guess was the straight line
+        inner = replace(inner, strategies=CHEAP)
     left = np.inf
     while True:
         solution, message = between(here.problem, here.guess, inner)
-        factors, below = window.factored(solution), None
+        factors, below = window.factorize(solution), None
         try:
             if solution.status in LOST and problem.system.n <= DESCENT_COORDINATES:
                 below = window.down(here, choices.watch)
@@ -82,7 +89,7 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
             message = f"{problem.name}: {solution.status.value} (tol = {choices.tol:g})"
         if below is not None:
             solution, message = between(here.problem, below, inner)
-            factors = window.factored(solution)
+            factors = window.factorize(solution)
         edges = here.edges(solution, factors)
         later = window.longer(here, solution, edges, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
@@ -93,7 +100,7 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
             solution = replace(solution, status=Status.UNRESOLVED)
             break
         here = later
-    return window.centred(window.judged(solution, edges)), message
+    return window.centre(window.judge_window(solution, edges)), message
 
 
 def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[Found]:
@@ -118,11 +125,11 @@ def outwards(problem: Problem, guess: Guess | None, choices: Choices, found: Fou
     merged with another path, and no path of its kind is there beyond.
     """
     solution, message = found
-    plain = guess is None and choices.mesh is None and choices.ladder is LADDER
+    plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
     if not (plain and solution.status in MISSED.get(choices.principle, ()) and _extends(problem)):
         return found
     with suppress(OutOfTime, ValueError):
-        far, part = _followed(problem, choices)
+        far, part = _follow_to_end(problem, choices)
         if far is not None and choices.principle == "least" and far.inertia.index:
             far = replace(far, status=Status.NOT_LEAST)
             return far, message_of(far, choices.tol)
@@ -157,10 +164,10 @@ def _nearer(problem: Problem, part: float) -> Problem:
     return problem.replace(end=Event(end.t, a + part * (b - a)))
 
 
-def _followed(problem: Problem, choices: Choices) -> tuple[Solution | None, float]:
+def _follow_to_end(problem: Problem, choices: Choices) -> tuple[Solution | None, float]:
     """Return the path that was followed to the end asked, or None; and how far it was followed."""
     here, part = None, 1.0
-    quick = replace(choices, tol=ON_THE_WAY, ladder=BRIEF, principle="auto")
+    quick = replace(choices, tol=ON_THE_WAY, strategies=CHEAP, principle="auto")
     while here is None and part > NEAREST:
         part /= LONGEST_ADVANCE
         found, _ = between(_nearer(problem, part), None, quick)
@@ -171,7 +178,7 @@ def _followed(problem: Problem, choices: Choices) -> tuple[Solution | None, floa
     for _ in range(ADVANCES):
         to = min(1.0, part * step)
         there, tol = _nearer(problem, to), choices.tol if to == 1 else ON_THE_WAY
-        found = _led(there, stretched(here, there, to / part), tol, choices.watch)
+        found = _near_guess(there, stretch_to_end(here, there, to / part), tol, choices.watch)
         if found.success and to == 1:
             return found, 1.0
         if found.success:
@@ -183,17 +190,17 @@ def _followed(problem: Problem, choices: Choices) -> tuple[Solution | None, floa
     return None, part
 
 
-def _led(problem: Problem, guess: Path, tol: float, watch: Watch | None) -> Solution:
+def _near_guess(problem: Problem, guess: Path, tol: float, watch: Watch | None) -> Solution:
     """Return the path near a guess, on its own mesh, by Newton's method: most are too far away."""
     ws, started = Workspace(problem, tol=tol, watch=watch), perf_counter()
-    search = Search(ws, tol, "auto", None, NEAR)
+    search = Search(ws, tol, "auto", None, GUESS_ONLY)
     search.begin("guess")
     ws.transcribe(guess.mesh, guess, like=guess)
     found = ws.follow() or ws.approach()
     return solution_of(ws, search.refine() if found else Status.NOT_FOUND, "guess", started)
 
 
-def stretched(path: Solution, problem: Problem, factor: float) -> Path:
+def stretch_to_end(path: Solution, problem: Problem, factor: float) -> Path:
     """Return a path stretched to another end; of a geodesic what leaves the straight line grows."""
     mesh = path.mesh.moved(problem.start.t, problem.end.t)
     values = path.path.values
@@ -215,7 +222,11 @@ def dwelling(problem: Problem, guess: Guess | None, choices: Choices, found: Fou
     place in time is determined.
     """
     solution, _ = found
-    if choices.mesh is not None or choices.ladder not in (LADDER, IPOPT) or problem.system.r:
+    if (
+        choices.mesh is not None
+        or choices.strategies not in (STRATEGIES, IPOPT)
+        or problem.system.r
+    ):
         return found
     if not (solution.status in DWELT or _is_at_rest(solution)):
         return found
@@ -234,7 +245,7 @@ def dwelling(problem: Problem, guess: Guess | None, choices: Choices, found: Fou
                     solution = near[0]
     stats = solution.stats
     if solution.success:
-        stats = stats | {"condition": max(stats["condition"], conditioned(solution.inertia))}
+        stats = stats | {"condition": max(stats["condition"], softest_condition(solution.inertia))}
     solution = replace(solution, status=Status.DWELLING, stats=stats)
     return solution, f"{problem.name}: {Status.DWELLING.value} (tol = {choices.tol:g})"
 

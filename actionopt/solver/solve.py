@@ -11,15 +11,15 @@ from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import Guess, asked
+from actionopt.solver.arguments import Guess, check_problem
 from actionopt.solver.between import Choices
-from actionopt.solver.ladder import BRIEF, IPOPT, LADDER, NEAR
 from actionopt.solver.pursue import first, moves
+from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT, STRATEGIES
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import among
 from actionopt.tools.watch import Progress, Watch
 
-LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
+BY_METHOD = {"auto": STRATEGIES, "ipopt": IPOPT}  # by method
 
 
 @one_thread
@@ -86,14 +86,14 @@ def solve(
     and 2.2.
     """
     if others:
-        asked(problem, others)
-    asked(problem)
-    if not among(method, LADDERS):
+        check_problem(problem, others)
+    check_problem(problem)
+    if not among(method, BY_METHOD):
         raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     if not isinstance(throw, (bool, np.bool_)):
         raise ValueError(f"expected throw=True or throw=False, found {throw!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)
-    choices = Choices(tol, principle, LADDERS[method], mesh, watch)
+    choices = Choices(tol, principle, BY_METHOD[method], mesh, watch)
     solution, message = first(problem, guess, choices)
     if throw and not solution.success:
         raise SolveError(message, solution)
@@ -107,9 +107,9 @@ def solve_near(problem: Problem, guess: Guess | None, tol: float) -> Solution:
     By Newton's and by Levenberg and Marquardt's methods alone: where there is no path near, that
     takes a hundredth of the time. Without a guess by descent from the straight line.
     """
-    asked(problem)
-    ladder = BRIEF if guess is None else NEAR
-    return first(problem, guess, Choices(tol, "auto", ladder, None, None))[0]
+    check_problem(problem)
+    strategies = CHEAP if guess is None else GUESS_ONLY
+    return first(problem, guess, Choices(tol, "auto", strategies, None, None))[0]
 
 
 def moving(solution: Solution) -> Solution:

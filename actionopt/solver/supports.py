@@ -28,10 +28,8 @@ from actionopt.solver.touching import looked_at, rows_along, runs
 from actionopt.tools.types import EPS, Array
 
 ANGLE = np.pi / 24  # by which a normal is turned at once; ad hoc
-SUPPORT_STEPS, LAST_SUPPORT_STEP = (
-    12,
-    1e-10,
-)  # of Newton's method to a point, and a step that is the last
+# of Newton's method to a point, and a step that is the last
+SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-10
 ANGLE_HALVINGS = 12  # of such an angle, to where a string comes to a body
 PASSES = 5  # over all bodies, where there are several
 FINE = 129  # times at which a path is known, to compare speeds along it
@@ -42,7 +40,7 @@ class Body:
     """One row of an obstacle at one time, in units in which coordinates have the size one."""
 
     def __init__(self, held: Held, row: int, t: float) -> None:
-        system = held.free.system.held
+        system = held.free.system.with_contact
         self.packed, self.row, self.t = held.packed, held.free.system.m + row, np.array([[t]])
         self.sizes = 2.0 ** measures(held.lengths)
         self.first = system.pointwise("constraint_jacobian")
@@ -62,7 +60,7 @@ class Body:
         G = self.at(x)[1]
         return G / max(float(np.linalg.norm(G)), EPS)
 
-    def touched(self, x: Array, normal: Array) -> Array | None:
+    def touching_point(self, x: Array, normal: Array) -> Array | None:
         """Return the point near x (n,) at which a plane of this normal (n,) touches; else None."""
         n = x.size
         mu = float(self.at(x)[1] @ normal)
@@ -89,7 +87,7 @@ class Body:
             done, part = 0.0, min(1.0, ANGLE / max(angle_of(a, b), EPS))
             while done < 1.0:
                 normal = between(a, b, min(done + part, 1.0))
-                point = self.touched(found[-1][1], normal)
+                point = self.touching_point(found[-1][1], normal)
                 if point is None:
                     part /= 2
                     if part < LEAST_TURN:
@@ -100,7 +98,9 @@ class Body:
                 found.append((normal, point))
         return found
 
-    def string(self, chain: list[tuple[Array, Array]], ways: Ways) -> tuple[Array, Array] | None:
+    def taut_string(
+        self, chain: list[tuple[Array, Array]], ways: Ways
+    ) -> tuple[Array, Array] | None:
         """Return the times (K,) and points (K, n) at which a taut string lies on the body.
 
         `chain` are normals and points of support around the body. The string lies on it from where
@@ -115,7 +115,7 @@ class Body:
             (low, x), high = way[k - 1], way[k][0]
             for _ in range(ANGLE_HALVINGS):
                 normal = between(low, high, 0.5)
-                point = self.touched(x, normal)
+                point = self.touching_point(x, normal)
                 if point is None:
                     return None
                 if off(normal, point):
@@ -224,7 +224,7 @@ def tight(
             if not inner.size or chain is None:
                 return None
             ways = Ways(inner, path(inner), velocity(inner), before, behind)
-            contact = body.string(chain, ways)
+            contact = body.taut_string(chain, ways)
             if contact is None or contact[0][-1] >= behind[0]:
                 return None
             known[j + 1] = contact[0], contact[1] - path(contact[0])

@@ -28,7 +28,7 @@ from actionopt.mechanics.course import SWITCHES, sides
 from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.solver.arguments import Guess
-from actionopt.solver.family import suspected
+from actionopt.solver.family import may_be_family
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import APPROACHES, Unfixed
 from actionopt.solver.verdict import solution_of
@@ -137,7 +137,7 @@ def attempts(
 def _family(run: Unfixed, solution: Solution) -> int:
     """Return the dimension of the family that a path is one of; 0 where none is known."""
     try:
-        return solution.inertia.nullity if suspected(run, solution.status) else 0
+        return solution.inertia.nullity if may_be_family(run, solution.status) else 0
     except (ValueError, np.linalg.LinAlgError):  # as where L is not convex in the rates
         return 0
 
@@ -238,7 +238,7 @@ def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
     fixed = Problem(at.question, start, end, parameters=given, through=through)  # type: ignore[arg-type]
     first = DiscretePath.of(fixed, path)
     found = approach(first.tr, first.z, APPROACHES)
-    return path if found is None else DiscretePath(first.tr, found[0]).polished().path
+    return path if found is None else DiscretePath(first.tr, found[0]).polish().path
 
 
 def _points(problem: Problem) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 
 from actionopt.discrete.newton import CHORDS, CONTRACTION, ROUNDOFF_STEP
 from actionopt.discrete.resolution import left_out
-from actionopt.discrete.stacks import Factored, Samples, Shape, Stack
+from actionopt.discrete.stacks import Factored, Samples, Stack, StackShape
 from actionopt.mechanics.problem import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
 from actionopt.solver.iterate import (
     DRIFT_SAFETY,
@@ -25,7 +25,7 @@ from actionopt.solver.iterate import (
     SHORT_ELEMENT,
     TINY_ELEMENT,
     VELOCITY_ERROR,
-    hidden,
+    may_matter,
 )
 from actionopt.tools.median import median
 from actionopt.tools.types import Array, NDInt
@@ -35,7 +35,7 @@ STRAGGLERS = 0.05  # of a part, that are not worth calls of their own: they begi
 
 
 @dataclass(eq=False)
-class Followed:
+class FollowedStack:
     """Where C paths arrived.
 
     Attributes
@@ -67,7 +67,7 @@ class Followed:
     momenta: Array
 
     @classmethod
-    def nowhere(cls, Q: Array) -> Followed:
+    def nowhere(cls, Q: Array) -> FollowedStack:
         """Return what is known before anything was done."""
         count, n = len(Q), Q.shape[2]
         none, moved = np.zeros(count, dtype=int), np.zeros(count)
@@ -77,12 +77,12 @@ class Followed:
         return cls(Q.copy(), none > 0, none.copy(), *measures, momenta)
 
 
-def follow(shape: Shape, times: Array, packed: Array, Q: Array, tol: float) -> Followed:
+def follow(shape: StackShape, times: Array, packed: Array, Q: Array, tol: float) -> FollowedStack:
     """Follow paths from coordinates Q (C, K, n); `times` (C, 2) and parameters `packed` (C, p).
 
     `tol` is to what their errors are to be known.
     """
-    found = Followed.nowhere(Q)
+    found = FollowedStack.nowhere(Q)
     with np.errstate(all="ignore"):
         for here in shape.parts(len(Q)):
             left = here
@@ -94,7 +94,7 @@ def follow(shape: Shape, times: Array, packed: Array, Q: Array, tol: float) -> F
 
 
 def _round(
-    shape: Shape, times: Array, packed: Array, found: Followed, here: NDInt, tol: float
+    shape: StackShape, times: Array, packed: Array, found: FollowedStack, here: NDInt, tol: float
 ) -> NDInt:
     """Take some members a factorization further; return those that are to go on."""
     count = here.size
@@ -104,13 +104,13 @@ def _round(
     factored = Factored(shape, stack.coefficients(second))
     target = min(tol / (10 * SAFETY), ORDINARY * POLYNOMIAL_ROUNDOFF)
 
-    def solved(part: Array) -> tuple[Array, Array]:
+    def solve(part: Array) -> tuple[Array, Array]:
         """Return a step, and its length in the coordinates' sizes (C,)."""
         step = stack.step(factored.solve(stack.rows(part)))
         return step, _largest(step, sizes)
 
     sizes, _ = _sizes(Q)
-    step, length = solved(stack.gradient(Q))
+    step, length = solve(stack.gradient(Q))
     going, near = np.ones((2, count), dtype=bool)
     near[:] = False
     converged, noise = near.copy(), np.full(count, np.nan)
@@ -118,7 +118,7 @@ def _round(
     for again in range(CHORDS + 2):
         Q = Q - np.where(going, step, 0.0)
         part = stack.gradient(Q)
-        step, rest = solved(part)
+        step, rest = solve(part)
         arrived = going & (near | (rest <= target))
         noise[arrived] = rest[arrived]
         converged |= arrived & np.isfinite(rest)
@@ -137,8 +137,8 @@ def _round(
     found.moved[here] += _largest(Q - first, sizes)
     if converged.any():
         ready = _Arrived(stack, factored, Q, part, second, sizes)
-        omitted = ready.omitted()
-        missed, probed = ready.moved(tol, omitted)
+        omitted = ready.largest_omitted()
+        missed, probed = ready.displacement(tol, omitted)
         off, drift = stack.imbalance(Q, ready.samples)
         values = {
             "converged": converged,
@@ -171,7 +171,7 @@ class _Arrived:
         """What is known between the nodes."""
         return self.stack.samples(self.Q)
 
-    def omitted(self) -> Array:
+    def largest_omitted(self) -> Array:
         """Return the largest coefficient left out, (C,).
 
         Infinite where a velocity is not known, or the motion is small and far from zero.
@@ -194,29 +194,30 @@ class _Arrived:
         singular = rates * (self.sizes / speeds).max(axis=0) > limit
         return np.where(singular, np.inf, found.max(axis=0))
 
-    def moved(self, tol: float, omitted: Array) -> tuple[Array, Array]:
+    def displacement(self, tol: float, omitted: Array) -> tuple[Array, Array]:
         """Return how far paths would move if forces were summed over other points, (C,).
 
-        And if round-off were in every entry of the matrix. `omitted` (C,) is what is left out.
+        And if round-off were in every entry of the matrix. `largest_omitted` (C,) is what is left
+        out.
         """
         stack, structure = self.stack, self.stack.shape.system.structure
         if structure.steady:  # there is nothing to miss
             step = stack.step(self.factored.solve(self._probe()))
             return np.zeros(len(stack.times)), _largest(step, self.sizes)
-        followed = not structure.linear and hidden(structure, omitted, tol).any()
-        miss = stack.missed(self.samples, self.part, self.second if followed else None)
+        followed = not structure.linear and may_matter(structure, omitted, tol).any()
+        miss = stack.quadrature_defect(self.samples, self.part, self.second if followed else None)
         both = np.stack([stack.rows(miss), self._probe()], axis=1)
         both = self.factored.solve(both)
         found = [_largest(stack.step(both[:, k]), self.sizes) for k in (0, 1)]
         if structure.samples and not structure.linear:
-            found[0] = np.maximum(found[0], self._carried(miss, tol))
+            found[0] = np.maximum(found[0], self._drift(miss, tol))
         return found[0], found[1]
 
-    def _carried(self, miss: Array, tol: float) -> Array:
+    def _drift(self, miss: Array, tol: float) -> Array:
         """Return how far what is missed carries what nothing holds, (C,)."""
         stack, shape = self.stack, self.stack.shape
-        # As in `second_quadrature.missed` and `iterate.unseen`: what a free body would drift, at
-        # the least inertia on the way to begin with.
+        # As in `second_quadrature.quadrature_defect` and `iterate.unseen`: what a free body would
+        # drift, at the least inertia on the way to begin with.
         inertia = self._diagonal(2)
         momenta = np.abs(np.cumsum(miss.sum(axis=0), axis=1)).max(axis=1) * shape.units[:, None]
         momenta *= stack.duration / shape.action_unit * (shape.units[:, None] / self.sizes)

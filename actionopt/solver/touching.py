@@ -1,8 +1,8 @@
 """Where a path touches an obstacle, f(q, t) >= 0: a first one, and what it tells of contact.
 
 On a coarse mesh Ipopt minimises S with f >= 0 at the nodes, in a form that tells the distance
-(`System.sought`); its multipliers tell which parts of the path are in contact. What passes between
-the nodes is looked for there: a path's polynomials are known everywhere.
+(`System.with_contact_distance`); its multipliers tell which parts of the path are in contact. What
+passes between the nodes is looked for there: a path's polynomials are known everywhere.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -32,10 +32,8 @@ ACROSS = np.linspace(0.0, 6.4, 129)  # in the motion's sizes, where the other si
 WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
 WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
 UNSEEN = 1e-9  # in units of the rows: what f is below zero there
-CLOSEST_POINTS, CLOSEST_ROUNDS = (
-    10,
-    8,
-)  # points of each interval in which f is least, and how often it shrinks
+# points of each interval in which f is least, and how often it shrinks
+CLOSEST_POINTS, CLOSEST_ROUNDS = 10, 8
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
@@ -61,7 +59,7 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     sizes = 2.0 ** measures(problem.lengths)
     side = sideways(problem)
     bow = np.sin(np.pi * mesh.nodes_since / mesh.duration)[:, None] * (side * sizes)
-    outside = problem.system.held.pointwise("constraint")
+    outside = problem.system.with_contact.pointwise("constraint")
     found: list[Path | None] = [None]
     for sign in (1.0, -1.0):
         for height in HEIGHTS:
@@ -77,7 +75,7 @@ def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) ->
     free, started = ws.question, perf_counter()
     ws.problem = Held(free, sought=True)
     if ws.problem.boundaries:
-        mesh = bounded(mesh, ws.problem.boundaries)
+        mesh = with_boundaries(mesh, ws.problem.boundaries)
     if not ws.checked:
         plain = Transcription(free, mesh, free.lengths)
         check(plain, plain.straight() if path is None else path.on(mesh).values.T)
@@ -96,9 +94,9 @@ def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) ->
     return attempt.converged
 
 
-def touched(found: DiscretePath) -> tuple[Arc, ...]:
+def contact_parts(found: DiscretePath) -> tuple[Arc, ...]:
     """Return the parts in contact of what Ipopt found, as far as nodes tell."""
-    tr, t, on, held = found.tr, found.mesh.nodes, _pressed(found), _held(found)
+    tr, t, on, held = found.tr, found.mesh.nodes, _pressing(found), _contacts(found)
     f = held.system.constraint(found.Q.T, t, parameters=held.parameters)[held.free.system.m :]
     # Events on the obstacle have no rows.
     met = np.abs(f) <= EVENT_TOLERANCE * tr.row_units[-len(f) :, None]
@@ -108,7 +106,7 @@ def touched(found: DiscretePath) -> tuple[Arc, ...]:
         row[0] |= row[1] and met[i, 0]
         row[-1] |= row[-2] and met[i, -1]
         for k, l in runs(row):
-            if k == l and t[k] in held.fixed:  # at a free end alone, or at a kink
+            if k == l and t[k] in held.fixed_times:  # at a free end alone, or at a kink
                 arcs.append(Arc(i, float(t[k]), float(t[k])))
                 continue
             begin = _where_zero(t[k::-1], distance[i, k::-1])
@@ -123,10 +121,10 @@ def other_sides(found: DiscretePath) -> list[Path]:
     parts before and behind. Obstacles without a far side, such as a half plane,
     have no such curve.
     """
-    held, mesh, curves = _held(found), found.mesh, []
+    held, mesh, curves = _contacts(found), found.mesh, []
     if held.system.n == 1:
         return []
-    arcs, parameters = touched(found), held.parameters
+    arcs, parameters = contact_parts(found), held.parameters
     sizes = 2.0 ** measures(held.lengths)
     for arc in arcs:
         a = max((x.end for x in arcs if x.end < arc.begin), default=held.start.t)
@@ -152,7 +150,7 @@ def unseen(found: DiscretePath) -> list[Array]:
     There elements have to be shorter for their nodes to see it.
     """
     t, reach = looked_at(found), float(np.diff(found.mesh.nodes).max())
-    f, arcs, windows = rows_along(found, t), touched(found), []
+    f, arcs, windows = rows_along(found, t), contact_parts(found), []
     for i, row in enumerate(f < -UNSEEN * found.tr.row_units[-len(f) :, None]):
         for k, l in runs(row):
             a, b = t[max(k - 1, 0)], t[min(l + 1, t.size - 1)]
@@ -167,7 +165,7 @@ def narrow(found: DiscretePath) -> list[Array]:
     t = found.mesh.nodes
     return [
         _window(found, t[max(k - 1, 0)], t[min(l + 1, t.size - 1)])
-        for row in _pressed(found)
+        for row in _pressing(found)
         for k, l in runs(row)
         if l - k < 2
     ]
@@ -195,7 +193,7 @@ def turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Array]:
 
 def rows_along(found: DiscretePath, t: Array) -> Array:
     """Return the rows of the obstacle (r, K) along a path, at times t (K,)."""
-    held = _held(found)
+    held = _contacts(found)
     f = held.system.constraint(found.path(t), t, parameters=held.parameters)
     return f[held.free.system.m :]
 
@@ -206,7 +204,7 @@ def looked_at(found: DiscretePath) -> Array:
     Also where it may be least beside an end of the path or of contact: there f is zero and may fall
     before it grows.
     """
-    mesh, held = found.mesh, _held(found)
+    mesh, held = found.mesh, _contacts(found)
     inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
     between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
     t = np.unique(np.concatenate([between, mesh.nodes]))
@@ -234,10 +232,10 @@ def looked_at(found: DiscretePath) -> Array:
 def is_of_higher_order(found: DiscretePath) -> bool:
     """Return whether a row in contact grows as a whole power of the distance from its surface.
 
-    In the form that tells the distance (`System.sought`) a row that grows as its power k has the
-    slope 1 / k at the surface. Planes, which keep their own form, may have any.
+    In the form that tells the distance (`System.with_contact_distance`) a row that grows as its
+    power k has the slope 1 / k at the surface. Planes, which keep their own form, may have any.
     """
-    held, t = _held(found), found.mesh.nodes
+    held, t = _contacts(found), found.mesh.nodes
     if not held.sought:
         return False
     own = Held(held.free, held.arcs).system
@@ -261,18 +259,18 @@ def runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(first.tolist(), (behind - 1).tolist(), strict=True))
 
 
-def _held(found: DiscretePath) -> Held:
+def _contacts(found: DiscretePath) -> Held:
     assert isinstance(found.problem, Held)
     return found.problem
 
 
-def _pressed(found: DiscretePath) -> NDArray[np.bool_]:
+def _pressing(found: DiscretePath) -> NDArray[np.bool_]:
     """Return at which nodes a row presses, (r, K): its multiplier exceeds the row."""
-    tr, layout, system = found.tr, found.tr.layout, _held(found).system
+    tr, layout, system = found.tr, found.tr.layout, _contacts(found).system
     pressing = -found.z[layout.unknowns :] > np.maximum(tr.constraint(found.x), WEAK)
     on = np.zeros((system.m, layout.node_count), dtype=bool)
     on[layout.row_constraint[pressing], layout.row_node[pressing]] = True
-    return on[_held(found).free.system.m :]
+    return on[_contacts(found).free.system.m :]
 
 
 def _window(found: DiscretePath, a: float, b: float) -> Array:

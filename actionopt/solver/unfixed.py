@@ -19,7 +19,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import Move, moves_of, over, times_of
-from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
 from actionopt.discrete.mesh import Mesh
@@ -31,23 +31,30 @@ from actionopt.solver import family
 from actionopt.solver.arguments import Guess
 from actionopt.solver.arrivals import arrivals, departs
 from actionopt.solver.between import Choices, Found
-from actionopt.solver.closed import passes, rolled
+from actionopt.solver.closed import begin_later, passes
 from actionopt.solver.durations import barrier
-from actionopt.solver.family import directions, suspected
+from actionopt.solver.family import directions, may_be_family
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.first_paths import (
     REPRESENTED,
     FirstPaths,
-    guessed,
+    guess_path,
     line,
     straight,
-    stretched,
+    stretch_guess,
 )
-from actionopt.solver.iterate import ROUNDED, SAFETY, UNKNOWN_GAIN, Iterate, UnfixedPath, measured
-from actionopt.solver.ladder import NEAR
+from actionopt.solver.iterate import (
+    ROUNDED,
+    SAFETY,
+    UNKNOWN_GAIN,
+    Iterate,
+    UnfixedPath,
+    coordinate_scales,
+)
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine
 from actionopt.solver.signals import SIGNALS, status_of
+from actionopt.solver.strategies import GUESS_ONLY
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace, alike
 from actionopt.tools.types import Array
@@ -114,9 +121,9 @@ class Unfixed(Workspace):
         """Return a path on its own mesh, with the equations whose phases are set near it."""
         problem = problem or self.problem
         with self.record.clock("assemble"):
-            size, lengths = measured(self._timed(problem, path), path.values.T)
+            size, lengths = coordinate_scales(self._at_times(problem, path), path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
-            along = [stretched(problem, d).on(path.mesh).values for d in self.along]
+            along = [stretch_guess(problem, d).on(path.mesh).values for d in self.along]
             known = self.moves, along, like, self._times, self._kappa
             bordered, y = Bordered.around(problem, path, lam, lengths, *known)
             tr = self.units = bordered.first
@@ -140,7 +147,7 @@ class Unfixed(Workspace):
             return None
         return self.iterate.problem.kappa
 
-    def _timed(self, problem: Problem, path: Path) -> Problem:
+    def _at_times(self, problem: Problem, path: Path) -> Problem:
         """Return the problem with the times of a path."""
         times = self._times
         if times is None:
@@ -154,13 +161,13 @@ class Unfixed(Workspace):
             mesh = Mesh.uniform(problem.start.t, problem.end.t, LINEAR, COARSE_DEGREE)
             self.transcribe(mesh, Path(mesh, line(problem, mesh)))
 
-    def _bounded(self, mesh: Mesh) -> Mesh:
+    def _with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch over its times."""
         if self.problem.is_joined:
-            return bounded(mesh, self.here.problem.boundaries)
+            return with_boundaries(mesh, self.here.problem.boundaries)
         if self.problem.system.clock is None:
             return mesh
-        return bounded(mesh, over(self.problem.loose, mesh.duration).boundaries)
+        return with_boundaries(mesh, over(self.problem.loose, mesh.duration).boundaries)
 
     def follow(self, reach: float = np.inf) -> bool:
         """Polish the path; where it was may be one of a family, of which no round-off is known."""
@@ -183,7 +190,7 @@ class Unfixed(Workspace):
         if not super().transfer(mesh, least=least, missed=missed):
             self.here = old
             return False
-        return self.here.pushed <= HELD_FORCE and bool(np.isfinite(self.here.noise))
+        return self.here.push_force <= HELD_FORCE and bool(np.isfinite(self.here.noise))
 
     def _change(self, first: Iterate, old: Iterate) -> float:
         """Return by how much a path changed, and its duration."""
@@ -207,7 +214,7 @@ class Unfixed(Workspace):
             tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
             return problem, DiscretePath(tr, tr.pack(here.Q, here.rows))
         if here.error < 1:  # else it is as large as the path, which ran away from any surface
-            problem = self.problem.found(problem.start.t, problem.end.t, here.Q[[0, -1]])
+            problem = self.problem.with_times(problem.start.t, problem.end.t, here.Q[[0, -1]])
         return problem, DiscretePath.of(problem, here.path, here.rows)
 
     # -- from a first path to one ---------------------------------------------------------------
@@ -222,7 +229,7 @@ class Unfixed(Workspace):
         # Newton does not contract on a family of closed paths: the iterate must show that.
         if not (self.follow() or (damped and self.approach(APPROACHES))):
             return False
-        return problem is self.problem or not self.problem.start.pinned or self._begun(ROUGH)
+        return problem is self.problem or not self.problem.start.pinned or self._begin(ROUGH)
 
     def _begun_near(self, path: Path) -> bool:
         """Go to the closed path near a rough one that begins where that passes what is given."""
@@ -230,17 +237,17 @@ class Unfixed(Workspace):
         if not begins:
             return False
         shift = min(begins, key=abs)
-        self.here = self._around(rolled(path, shift, self.problem) if shift else path, None)
+        self.here = self._around(begin_later(path, shift, self.problem) if shift else path, None)
         return self.follow()
 
     def _passes(self, path: Path) -> list[tuple[float, float]]:
         """Return when a closed path passes what the start gives, and how far off in its sizes."""
         problem, pinned = self.problem, list(self.problem.start.pinned)
         wanted = np.array([problem.start.q[i] for i in pinned], dtype=float)
-        lengths = measured(over(problem, path.mesh.duration), path.values.T)[1]
+        lengths = coordinate_scales(over(problem, path.mesh.duration), path.values.T)[1]
         return passes(path, problem, pinned, wanted, lengths[pinned])
 
-    def _begun(self, near: float) -> bool:
+    def _begin(self, near: float) -> bool:
         """Begin a closed path where it passes the coordinates that the start gives, or so near."""
         here = self.here
         passed = self._passes(here.path)
@@ -253,7 +260,7 @@ class Unfixed(Workspace):
             )
             return False
         shift = min(begins, key=abs)
-        if not self._followed_again(rolled(here.path, shift, self.problem), None):
+        if not self._followed_again(begin_later(here.path, shift, self.problem), None):
             self.hint = "no closed path near the guess begins at what the start gives"
             return False
         return True
@@ -286,21 +293,21 @@ class Unfixed(Workspace):
         near = guess
         for represented in (ROUGH, REPRESENTED[0]):
             self.along, self.gain = (), UNKNOWN_GAIN
-            path = guessed(self.problem, near, represented)
+            path = guess_path(self.problem, near, represented)
             if self.problem.start.pinned:
                 begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
                 if not begins:
                     break
-                path = rolled(path, min(begins, key=abs), self.problem)
+                path = begin_later(path, min(begins, key=abs), self.problem)
             most = (2 * FULL if thorough else FULL) // self.problem.system.n
             if path.mesh.offsets[-1] > most:  # what it resolves may be the corners of a guess
                 ends = path.mesh.boundaries[[0, -1]].tolist()
                 path = path.on(Mesh.uniform(*ends, most // COARSE_DEGREE, COARSE_DEGREE))
             first = self._around(path, None)
-            if not self._moved_along(first):
+            if not self._approach_family(first):
                 continue
             near = self.here.path  # on a rough mesh directions of the family may be missed
-            status = self.judged(self.settled())
+            status = self.judge(self.settle())
             if status.stationary:
                 self.found_by = "guess"
                 return status
@@ -308,7 +315,7 @@ class Unfixed(Workspace):
         self.iterate, self.hint = before
         return None
 
-    def _moved_along(self, here: UnfixedPath) -> bool:
+    def _approach_family(self, here: UnfixedPath) -> bool:
         """Go to a path by steps of least norm, and keep the directions of its family there.
 
         By Levenberg and Marquardt's method, damped by the square of the residual: it comes to a
@@ -328,7 +335,7 @@ class Unfixed(Workspace):
                 right = np.pad(right, ((0, 0), (0, beside)))
                 across, rank = left.T @ residual, int((values > SINGULAR).sum())
                 step = right[:rank].T @ (across[:rank] / values[:rank])
-                if rank < count and bordered.measured(step) < SINGULAR:
+                if rank < count and bordered.relative_step(step) < SINGULAR:
                     here = here.moved(y)
                     moved = [here.tr.coordinates(y + d) - here.Q for d in right[rank:]]
                     self.along = tuple(Path(here.mesh, d.T) for d in moved)
@@ -351,14 +358,14 @@ class Unfixed(Workspace):
         On a mesh of its own, as that of a guess may be of many short elements. What is held so has
         a regular matrix; whether the directions are those of a family is counted at the end.
         """
-        if self.along or not self.problem.closes or not suspected(self, Status.SOLVED):
+        if self.along or not self.problem.closes or not may_be_family(self, Status.SOLVED):
             return False
         before = self.here
         with suppress(np.linalg.LinAlgError):
             found = directions(before, before.bordered)
             moved = [before.tr.coordinates(before.x + d) - before.Q for d in found]
             self.along = tuple(Path(before.mesh, d.T) for d in moved)
-            path = guessed(self.problem, before.path, REPRESENTED[0])
+            path = guess_path(self.problem, before.path, REPRESENTED[0])
             self.here = self._around(
                 path if path.mesh.elements < before.mesh.elements else before.path, None
             )
@@ -369,34 +376,34 @@ class Unfixed(Workspace):
 
     # -- to the tolerance -----------------------------------------------------------------------
 
-    def settled(self) -> Status:
+    def settle(self) -> Status:
         """Refine, and begin a closed path where its start says: its mesh moves with it."""
-        status = self._refined()
+        status = self._refine()
         if not status.success or self._is_begun():
             return status
         near = max(self.tol, ROUNDED)
-        return self._refined() if self._begun(near) else Status.NOT_FOUND
+        return self._refine() if self._begin(near) else Status.NOT_FOUND
 
     def verdict(self) -> Status:
         """Return the verdict on the path at hand, refined: held along a family if it is of one."""
         first, held = self.here, self._hold_along()
-        status = self.judged(self.settled())
+        status = self.judge(self.settle())
         if held and not status.stationary:
             self.along, self.here = (), first
-            return self.judged(self.settled())
+            return self.judge(self.settle())
         last = self.here
         if not held and self._hold_along():
-            again = self.judged(self.settled())
+            again = self.judge(self.settle())
             if again.stationary:
                 return again
             self.along, self.here = (), last
         return status
 
-    def _refined(self) -> Status:
+    def _refine(self) -> Status:
         """Refine; a closed path that is pushed also with its phase set about where it is now."""
-        while self.here.pushed > HELD_FORCE:
+        while self.here.push_force > HELD_FORCE:
             if not self._pushed_less():
-                return self._held()
+                return self._hold()
         status = refine(self, self.tol, least=False)
         while status.success and self._is_pushed(self.here) and self._pushed_less():
             status = refine(self, self.tol, least=False)
@@ -410,36 +417,36 @@ class Unfixed(Workspace):
         """
         here = self.here
         again = not self.along and self._followed_again(here.path, here.rows)
-        if again and self.here.moves and self.here.pushed < here.pushed / 2:
+        if again and self.here.moves and self.here.push_force < here.push_force / 2:
             return True
         self.here = here
         return False
 
-    def judged(self, status: Status) -> Status:
+    def judge(self, status: Status) -> Status:
         """Return the verdict on the path at hand: a closed path needs no force along itself."""
         found = status.stationary
-        if self.here.pushed > HELD_FORCE or (found and self._is_pushed(self.here)):
-            return self._held()
+        if self.here.push_force > HELD_FORCE or (found and self._is_pushed(self.here)):
+            return self._hold()
         return status
 
     def _is_pushed(self, here: UnfixedPath) -> bool:
         """Whether a force holds the path closed, beyond what a coarse mesh of a family needs."""
-        return here.pushed > max(self.tol, 0.0 if self.along else here.error, PUSHED)
+        return here.push_force > max(self.tol, 0.0 if self.along else here.error, PUSHED)
 
-    def _held(self) -> Status:
+    def _hold(self) -> Status:
         self.hint = "near the guess a path closes only if it is pushed along itself"
         self.here = replace(self.here, error=np.inf)
         return Status.NOT_FOUND
 
 
-def unfixed(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path of a problem whose duration is free or whose paths close, and the verdict.
 
     Unless what is near the guess is all that is asked for, also on a mesh that represents the guess
     better, and by damped steps.
     """
     started, tol, watch = perf_counter(), choices.tol, choices.watch
-    thorough = choices.ladder is not NEAR
+    thorough = choices.strategies is not GUESS_ONLY
     run, first = Unfixed(problem, tol=tol, watch=watch), FirstPaths(problem, tol, watch)
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
@@ -499,8 +506,8 @@ def unfixed(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     here = run.here
     here.tr.watch = here.bordered.first.watch = None  # a verdict is not left half done
     solution = solution_of(run, status, run.found_by, started)
-    if not merged and (run.along or suspected(run, status)):
-        solution = family.judged(run, solution)
+    if not merged and (run.along or may_be_family(run, status)):
+        solution = family.judge_family(run, solution)
         status = solution.status
     if choices.principle == "least" and status.success and solution.morse_index > 0:
         solution = replace(solution, status=Status.NOT_LEAST)

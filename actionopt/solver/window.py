@@ -20,7 +20,7 @@ import numpy as np
 
 from actionopt.analysis.modes import second_variation
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
@@ -43,14 +43,10 @@ CORE = 4.0  # e-foldings of a window besides those of its tail: the path is some
 SHARE = 0.25  # of the tolerance for what the windows' edges leave out
 WINDOW_GROWTH = 3.0  # times as long the next window may be
 # Measured on the kinks of phi^4 and sine-Gordon: where elements end that resolve them best, as a
-# power of their number; and e-foldings on each of them, with degrees as the ladder has them.
+# power of their number; and e-foldings on each of them, with degrees as the strategies have them.
 GRADING, FOLDS_EACH = 1.7, 4.0
-SADDLE_OFFSETS = (
-    0.1,
-    -0.1,
-    0.3,
-    -0.3,
-)  # of its size, how far a saddle is left along its lowest mode
+# of its size, how far a saddle is left along its lowest mode
+SADDLE_OFFSETS = 0.1, -0.1, 0.3, -0.3
 DOWN_ELEMENTS = 24  # of the mesh on which a guess is left
 LONGEST_WINDOW = 100.0  # times the first window, in which a guess is looked at
 CORE_SIZE = 0.1  # of how far a guess is from rest, beyond which something happens
@@ -154,7 +150,7 @@ def first(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> Window:
         end=Tail(t1, _place(end), 1) if infinite[1] else end,
     )
     _ = problem.rests  # raises
-    return Window(problem, curve if curve is None or own is None else _carried(curve, own, problem))
+    return Window(problem, curve if curve is None or own is None else _extend(curve, own, problem))
 
 
 def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: float) -> bool:
@@ -169,7 +165,7 @@ def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: f
     return bool(np.abs(values - line).max() <= size)
 
 
-def framed(problem: Problem, like: Problem) -> Problem:
+def with_window_of(problem: Problem, like: Problem) -> Problem:
     """Return a problem with the window of another one where its events lie at infinite times."""
     ends = [
         Tail(edge.t, e.near, edge.side, edge.phase) if isinstance(edge, Tail) else e
@@ -178,7 +174,7 @@ def framed(problem: Problem, like: Problem) -> Problem:
     return problem.replace(start=ends[0], end=ends[1])
 
 
-def searched(whole: Problem, tol: float) -> Problem:
+def for_search(whole: Problem, tol: float) -> Problem:
     """Return the problem on a window, to search for paths of infinite time.
 
     With one event at infinite time its coordinates are given at the edge of a longer window: more
@@ -208,7 +204,7 @@ def step(problem: Problem) -> Callable[[Array], Array] | None:
     return lambda t: (a + b) / 2 + (b - a) / 2 * np.tanh(rate * t)
 
 
-def graded(problem: Problem, elements: int, degree: int) -> Mesh:
+def graded_mesh(problem: Problem, elements: int, degree: int) -> Mesh:
     """Return a mesh over a window, of so many elements or more: the longer, the nearer to rest.
 
     The mesh is graded from where something happens: the event inside the window, else zero.
@@ -243,13 +239,13 @@ def longer(window: Window, solution: Solution, edges: list[Edge], tol: float) ->
     if not grown:
         return None
     wider = problem.replace(start=ends[0], end=ends[1])
-    return Window(wider, _carried(solution, solution.mesh, wider))
+    return Window(wider, _extend(solution, solution.mesh, wider))
 
 
 def down(window: Window, watch: Watch | None) -> Path | None:
     """Return a least path that the action leads down to from the guess, or from the line."""
     problem = window.problem
-    mesh = bounded(
+    mesh = with_boundaries(
         Mesh.uniform(problem.start.t, problem.end.t, DOWN_ELEMENTS, COARSE_DEGREE),
         problem.boundaries,
     )
@@ -262,7 +258,7 @@ def down(window: Window, watch: Watch | None) -> Path | None:
     return None
 
 
-def factored(solution: Solution) -> Factors | None:
+def factorize(solution: Solution) -> Factors | None:
     """Return factors of the matrix at a path that was found, or None."""
     at = solution.discrete
     with suppress(np.linalg.LinAlgError):  # not finite
@@ -292,7 +288,7 @@ def lower(solution: Solution, factors: Factors, watch: Watch | None) -> Path | N
     return None
 
 
-def centred(solution: Solution) -> Solution:
+def centre(solution: Solution) -> Solution:
     """Return a path from rest back to the same with its farthest point at t = 0."""
     problem = solution.problem
     (before, after), start, end = problem.rests, problem.start, problem.end
@@ -321,7 +317,7 @@ def centred(solution: Solution) -> Solution:
     return replace(solution, problem=moved, path=Path(mesh, solution.path.values), known=None)
 
 
-def judged(solution: Solution, edges: list[Edge]) -> Solution:
+def judge_window(solution: Solution, edges: list[Edge]) -> Solution:
     """Return the solution with what the edges leave out in its error."""
     return replace(solution, error=solution.error + max(edge.moved for edge in edges))
 
@@ -370,7 +366,7 @@ def _curve(whole: Problem, guess: Any) -> tuple[Any, Mesh | None]:
         return None, None
     wanted, n = path, whole.system.n
 
-    def sampled(t: Array) -> Array:
+    def sample(t: Array) -> Array:
         values = np.atleast_2d(numbers(wanted(t), "the guess at times t"))
         if values.shape != (n, t.size):
             raise ValueError(
@@ -378,7 +374,7 @@ def _curve(whole: Problem, guess: Any) -> tuple[Any, Mesh | None]:
             )
         return values
 
-    return sampled, None
+    return sample, None
 
 
 def _waypoints(whole: Problem, guess: Any, t0: float, t1: float) -> Callable[[Array], Array]:
@@ -391,7 +387,7 @@ def _waypoints(whole: Problem, guess: Any, t0: float, t1: float) -> Callable[[Ar
     return lambda t: np.stack([np.interp(t, times, row) for row in points])
 
 
-def _carried(curve: Callable[[Array], Array], own: Mesh, problem: Problem) -> Path:
+def _extend(curve: Callable[[Array], Array], own: Mesh, problem: Problem) -> Path:
     """Return a curve on its own elements over another window, with more where that is longer."""
     t0, t1 = problem.start.t, problem.end.t
     b, degrees = own.boundaries, np.array(own.degrees)

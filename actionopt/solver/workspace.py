@@ -8,20 +8,21 @@ from time import perf_counter
 
 import numpy as np
 
-from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.crossing import Jump, jump_or
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import Balance, Imbalance, rounding
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.marquardt import settle
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import approach, follow, moved
+from actionopt.discrete.newton import approach, follow, move_ends
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.shifted import shifted
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.component_newton import settle_by_component
 from actionopt.solver.descent import descend
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.homotopy import newton_homotopy
@@ -35,11 +36,10 @@ from actionopt.solver.iterate import (
     TINY_ELEMENT,
     UNKNOWN_GAIN,
     Iterate,
-    measured,
+    coordinate_scales,
     sizes,
     unseen,
 )
-from actionopt.solver.places import settled
 from actionopt.solver.preflight import check
 from actionopt.solver.record import Record
 from actionopt.solver.resonances import Resonances
@@ -169,7 +169,7 @@ class Workspace:
             return Factors(tr.layout, tr.kinetic(tr.pack(tr.straight()))).definite()
 
     @property
-    def kinked(self) -> bool:
+    def has_kink(self) -> bool:
         """Whether Newton's method still loses the path where a smooth one would be resolved.
 
         So it is where a least curve runs through a pole of its coordinates. Measured: of 60 layers,
@@ -211,8 +211,8 @@ class Workspace:
     def _at(self, mesh: Mesh, path: Path | None, lam: Array | None, like: Path | None) -> Iterate:
         """Return the iterate of `transcribe`."""
         with self.record.clock("assemble"):
-            system, mesh = self.problem.system, self._bounded(mesh)
-            size, lengths = measured(self.problem, None if like is None else like.values.T)
+            system, mesh = self.problem.system, self._with_boundaries(mesh)
+            size, lengths = coordinate_scales(self.problem, None if like is None else like.values.T)
             units = self.units if self.units is not None and alike(lengths, self.units) else None
             tr = self.units = Transcription(self.problem, mesh, lengths, like=units)
             self._attach(tr)
@@ -250,9 +250,9 @@ class Workspace:
                 return False
             if not self.linear:
                 try:
-                    z, near = moved(tr, z, mine)
+                    z, near = move_ends(tr, z, mine)
                     if not near:
-                        mine, z = self._shifted(neighbour, mine, z)
+                        mine, z = self._shift(neighbour, mine, z)
                 except np.linalg.LinAlgError:
                     return False
                 finally:
@@ -263,7 +263,7 @@ class Workspace:
             self.here = Iterate(mine, z, size, lengths, self.gain)
         return bool(np.all(np.isfinite(z)))
 
-    def _shifted(
+    def _shift(
         self, neighbour: DiscretePath, tr: Transcription, z: Array
     ) -> tuple[Transcription, Array]:
         """Return where a path goes that is far from a neighbour's as it may be sooner or later."""
@@ -291,10 +291,10 @@ class Workspace:
             self.here = replace(self.here, error=np.inf)
         self.here.tr.watch = None
 
-    def _bounded(self, mesh: Mesh) -> Mesh:
+    def _with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch, if it is not the user's."""
         instants = self.problem.boundaries
-        return bounded(mesh, instants) if self.refines and instants else mesh
+        return with_boundaries(mesh, instants) if self.refines and instants else mesh
 
     def _attach(self, tr: Transcription) -> None:
         """Count what is evaluated from now on."""
@@ -341,7 +341,7 @@ class Workspace:
         """Continue from the path at hand by releasing the force that makes it a motion."""
         with self.record.clock("solve"):
             reached = newton_homotopy(self.here.tr, self.here.z)
-        return self._reached("continuation", reached)
+        return self._polish("continuation", reached)
 
     def descend(self) -> bool:
         """Minimise the action from the path at hand, and on where Newton's method is lost."""
@@ -352,7 +352,7 @@ class Workspace:
             if not result.found:
                 self.record.iterations["descent"] += result.iterations
                 return False
-            if self._reached("descent", (result.z, result.iterations)):
+            if self._polish("descent", (result.z, result.iterations)):
                 return True
         return False
 
@@ -375,7 +375,7 @@ class Workspace:
             near = approach(equations, self.here.z, steps, convex=convex, many=self.many)
             if near is None and equations.layout.rows:
                 near = approach(equations, _without_multipliers(self.here), steps, many=self.many)
-        return self._reached("newton", near)
+        return self._polish("newton", near)
 
     def pass_resonances(self) -> bool:
         """Go to a path by Newton steps that hold the modes next to a resonance, let go later."""
@@ -383,16 +383,16 @@ class Workspace:
         with self.record.clock("solve"):
             z = search.path(self.here.z)
         self.record.iterations["continuation"] += search.count
-        return self._reached("continuation", None if z is None else (z, 0))
+        return self._polish("continuation", None if z is None else (z, 0))
 
     def settle_places(self) -> bool:
         """Go to a path by Newton steps that are limited for each coordinate by itself."""
         with self.record.clock("solve"):
-            z, count = settled(self.here.tr, self.here.z)
+            z, count = settle_by_component(self.here.tr, self.here.z)
         self.record.iterations["newton"] += count
-        return self._reached("newton", None if z is None else (z, 0))
+        return self._polish("newton", None if z is None else (z, 0))
 
-    def _reached(self, method: str, found: tuple[Array, int] | None) -> bool:
+    def _polish(self, method: str, found: tuple[Array, int] | None) -> bool:
         """Polish what a method reached; where that does not work, keep in mind where it was."""
         if found is None:
             return False
@@ -421,7 +421,7 @@ class Workspace:
 
         def passable(z: Array) -> float:
             """Return how far a path may be from stationary that goes on to another mesh."""
-            left = here.moved(z).resolution.expected
+            left = here.moved(z).resolution.by_rate
             return PASSABLE * left if SAFETY * here.gain * left > self.tol else 0.0
 
         with self.record.clock("solve"):
@@ -436,7 +436,7 @@ class Workspace:
         self.record.iterations["newton"] += result.iterations
         if not (result.converged and (self.linear or result.travelled < reach)):
             return False
-        self.here = here.arrived(result)
+        self.here = here.at_result(result)
         self.record.round(here.tr, perf_counter() - started)
         if self.watch is not None:
             self.best = self.here.bare()
@@ -446,13 +446,13 @@ class Workspace:
         """Return what was asked, and the path at hand."""
         return self.question, DiscretePath(self.here.tr, self.here.z)
 
-    def missed(self) -> float:
+    def quadrature_shift(self) -> float:
         """Return how far the path would move if its forces were summed over other points."""
         with self.record.clock("verify"):
-            found, self.here = self.here.missed(self.tol, self.many)
+            found, self.here = self.here.quadrature_shift(self.tol, self.many)
         return found
 
-    def unbalanced(self) -> Jump | Imbalance | None:
+    def find_imbalance(self) -> Jump | Imbalance | None:
         """Return where the balance of energy does not hold along the path; say so if L jumps."""
         here, off = self.here, None
         with self.record.clock("verify"):
@@ -474,10 +474,10 @@ class Workspace:
     def transfer(self, mesh: Mesh, *, least: bool, missed: float = 0.0) -> bool:
         """Take the path to another mesh and polish it there; False if it was lost.
 
-        It may move as far as what was `missed` on the last mesh lets expect. What was found as a
-        `least` path may be found again by minimising.
+        It may move as far as what was `quadrature_shift` on the last mesh lets expect. What was
+        found as a `least` path may be found again by minimising.
         """
-        old, mesh = self.here.bare(), self._bounded(mesh)
+        old, mesh = self.here.bare(), self._with_boundaries(mesh)
         self.transcribe(mesh, old.path, old.rows_on(mesh), like=old.path)
         first = replace(self.here, gain=old.gain, noise=old.noise, error=old.error)
         self.here, reach = first, max(FOLLOWED_REACH, EXPECTED * missed)
@@ -492,18 +492,18 @@ class Workspace:
         here = self.here
         # In the sizes of the old path, in which its omitted coefficients are.
         change, gain = self._change(first, old), here.gain
-        if old.resolution.expected > MEASURABLE:
-            left = old.resolution.expected
+        if old.resolution.by_rate > MEASURABLE:
+            left = old.resolution.by_rate
             if change > UNLIKELY * left and not self.problem.system.structure.steady:
                 with suppress(np.linalg.LinAlgError):  # what was not seen moves the path as well
-                    factors = old.factored(many=False).factors
+                    factors = old.with_factors(many=False).factors
                     assert factors is not None
                     residual, carried = unseen(old, self.tol)
-                    left += max(old.equations.measured(factors.solve(residual)), carried)
+                    left += max(old.equations.relative_step(factors.solve(residual)), carried)
             gain = max(change / left, 1.0)
         elif gain == UNKNOWN_GAIN:
             gain = 1.0
-        self.here = here.estimated(gain)
+        self.here = here.with_error(gain)
         self.record.rounds[-1]["estimate"] = self.here.error
         return True
 

@@ -18,7 +18,7 @@ from scipy.integrate import quad, solve_bvp
 from scipy.special import ellipkinc
 
 import actionopt as ao
-from actionopt.solver.first_paths import straight, timed
+from actionopt.solver.first_paths import straight, time_waypoints
 from benchmarks.stress.case import Case, Criterion, Row, answer, beside, members, mine, within
 
 TITLE = "Given energies"
@@ -167,7 +167,7 @@ def _asked(kind: str, start, end, E: float) -> ao.Problem:
 
 def _between(problem: ao.Problem, known) -> Row:
     """Return scipy's row from the straight line, passed at the speed that the energy gives."""
-    return _peer(problem, timed(problem, straight(problem).T), known)[0]
+    return _peer(problem, time_waypoints(problem, straight(problem).T), known)[0]
 
 
 def _mine(problem: ao.Problem, known, guess: ao.Path | None = None) -> Row:

@@ -25,7 +25,7 @@ PUT_BACK = 3.0  # where a coordinate is put back
 SETTLED = 1e-3  # step after which Newton's method contracts
 
 
-def settled(tr: Transcription, z: Array, seed: int = 0) -> tuple[Array | None, int]:
+def settle_by_component(tr: Transcription, z: Array, seed: int = 0) -> tuple[Array | None, int]:
     """Return a point (size,) near a stationary path, or None, and the factorizations used.
 
     `tr` is without constraints, and all coordinates are given at both of its ends.

@@ -64,7 +64,7 @@ def meetings(
         forth, back = _leg(track, k), _leg(track, a.size + k)
         if forth[0][-1] > back[0][-1] or not np.isfinite(forth[1][:, -1] - back[1][:, -1]).all():
             continue
-        yield joined(forth, back, middle)
+        yield join_motions(forth, back, middle)
 
 
 def _velocities(problem: Problem, count: int, rng: np.random.Generator) -> Array:
@@ -129,7 +129,7 @@ def _leg(track: list[tuple[Array, Array, Array]], k: int) -> tuple[Array, Array,
     return times[kept], q, v
 
 
-def joined(
+def join_motions(
     forth: tuple[Array, Array, Array], back: tuple[Array, Array, Array], middle: float
 ) -> Path:
     """Return the curve through two motions, times (K,) and q, v (n, K), that end at `middle`.

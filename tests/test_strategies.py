@@ -10,18 +10,18 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.ladder import (
+from actionopt.solver.solve import solve_near
+from actionopt.solver.strategies import (
     BUDGET,
     COARSE_GUESS,
     GUESS_MESHES,
     IPOPT,
-    LADDER,
     MEETING_LOST,
-    Meeting,
+    STRATEGIES,
     Root,
     Search,
+    TwoSidedShooting,
 )
-from actionopt.solver.solve import solve_near
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.watch import Spent
 
@@ -31,9 +31,9 @@ def search_for(problem, tol=1e-8, principle="auto"):
 
 
 def test_the_ladder_names_each_way_once():
-    names = [rung.name for rung in LADDER]
+    names = [strategy.name for strategy in STRATEGIES]
     assert len(set(names)) == len(names)
-    assert {rung.name for rung in IPOPT} < set(names)
+    assert {strategy.name for strategy in IPOPT} < set(names)
 
 
 @pytest.mark.parametrize("scene", ["pendulum", "rod_pendulum", "oscillator", "damped_oscillator"])
@@ -70,7 +70,7 @@ def test_ten_to_twenty_coordinates_have_a_root_search():
     problem = Problem(system, Event(0.0, q), Event(2.5, end))
     assert applies("stationary", problem, "stationary")
     assert not applies("places", problem) and not applies("meeting", problem)
-    for method in ("auto", "ipopt"):  # by itself: of Ipopt's rungs it is the first
+    for method in ("auto", "ipopt"):  # by itself: of Ipopt's strategies it is the first
         solution = ao.solve(problem, tol=1e-6, principle="stationary", method=method)
         first = np.concatenate([q, solution.start.v])
         assert np.abs(integrated(flow, first, 0.0, 2.5)(2.5)[:n] - end).max() < 1e-5
@@ -81,7 +81,7 @@ def test_a_curved_attempt_that_fails_leaves_no_trace(monkeypatch):
     kepler = scenes.get("kepler").problem.system
     problem = Problem(kepler, Event(0.0, [1.0, 0.0]), Event(0.3, [-1.0, 0.0]))
     tried = []
-    monkeypatch.setattr(Search, "_try", lambda self, ladder: tried.append(self) or found(self))
+    monkeypatch.setattr(Search, "_try", lambda self, strategies: tried.append(self) or found(self))
 
     def found(search):
         mesh = search._uniform(4, 6)
@@ -161,11 +161,11 @@ def test_with_a_saddle_in_hand_each_way_has_its_own_price():
     watch.evaluated = 501
     with pytest.raises(Spent):
         watch.look(8)
-    assert not search._spent
+    assert not search._is_exhausted
     search._limit(4000)
     assert watch.most == 4501
     watch.evaluated = BUDGET + 1
-    assert search._spent
+    assert search._is_exhausted
 
 
 @pytest.mark.parametrize(("duration", "least"), [(1.0, True), (2.5, True), (7.5, False)])
@@ -209,7 +209,7 @@ def test_a_curved_line_stays_within_the_size_of_the_motion():
     search = search_for(problem)
     mesh = search._uniform(8, 6)
     straight = Transcription(problem, mesh, problem.lengths).straight().T
-    bend = (search._curved(mesh).values - straight) / problem.lengths[:, None]
+    bend = (search._curved_line(mesh).values - straight) / problem.lengths[:, None]
     assert np.max(np.abs(bend[:, [0, -1]])) < 1e-15
     assert 0.1 < np.max(np.abs(bend)) < 1.0
 
@@ -230,10 +230,10 @@ def test_what_could_not_be_refined_is_not_refined_again(near, tried, monkeypatch
         return found[-1]
 
     monkeypatch.setattr(Search, "refine", unresolved)
-    rung = Root("stationary", (8,))
-    monkeypatch.setattr(Root, "seek", lambda rung, ws: seek(ws))
+    strategy = Root("stationary", (8,))
+    monkeypatch.setattr(Root, "seek", lambda strategy, ws: seek(ws))
     for _ in range(2):
-        assert search.on_meshes(rung) is ao.Status.UNRESOLVED
+        assert search.on_meshes(strategy) is ao.Status.UNRESOLVED
     assert found == [True, True]
     assert len(refined) == tried
 
@@ -248,9 +248,9 @@ def test_few_motions_that_meet_are_refined_where_none_can_be(monkeypatch):
 
     mesh = ao.Mesh.uniform(scene.problem.start.t, scene.problem.end.t, 4, 8)
     guess = Path.interpolate(scene.exact, mesh)
-    monkeypatch.setattr("actionopt.solver.ladder.meetings", lambda *_: iter([guess] * 9))
+    monkeypatch.setattr("actionopt.solver.strategies.meetings", lambda *_: iter([guess] * 9))
     monkeypatch.setattr(Search, "refine", unresolved)
-    assert Meeting("meeting", (8, 16)).attempt(search) is ao.Status.NOT_FOUND
+    assert TwoSidedShooting("meeting", (8, 16)).attempt(search) is ao.Status.NOT_FOUND
     assert len(refined) == MEETING_LOST
 
 

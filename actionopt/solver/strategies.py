@@ -18,7 +18,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import DEGREES, Resolution, refined, resolution
+from actionopt.discrete.resolution import DEGREES, Resolution, cheapest_mesh, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_mesh import (
@@ -26,15 +26,15 @@ from actionopt.solver.first_mesh import (
     COARSE_ELEMENTS,
     LINEAR,
     fewest,
-    paced,
-    planned,
+    plan,
+    plan_layers,
 )
 from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.iterate import Iterate, sizes
-from actionopt.solver.meeting import meetings
 from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
-from actionopt.solver.window import graded, step
+from actionopt.solver.two_sided_shooting import meetings
+from actionopt.solver.window import graded_mesh, step
 from actionopt.solver.workspace import FEW_COORDINATES, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime, Watch
 
@@ -75,7 +75,7 @@ GUESS_RESOLUTION, GUESS_ROUNDS = 1e-3, 4
 
 
 @dataclass(frozen=True)
-class Rung:
+class Strategy:
     """A way to a first path, from the straight line or a curved one.
 
     Attributes
@@ -84,7 +84,7 @@ class Rung:
     meshes : tuple of int
         Numbers of elements of the meshes on which it is tried in turn.
     minimises : bool
-        Whether what it finds is a least path. Such a rung is tried only as long as there may be
+        Whether what it finds is a least path. Such a strategy is tried only as long as there may be
         one, others only as long as no saddle is in hand.
     steep : bool
         Whether a mesh that may resolve the path at once is worth its cost.
@@ -96,7 +96,7 @@ class Rung:
         Whether curved lines are tried before what costs more, where its path cannot be refined.
     reliable : bool
         Whether a rough path on the last of its meshes is worth refining.
-    price : int
+    cost : int
         Second derivatives on one element, in the time of which it succeeds as a rule; measured on
         lattices and pendulums of 1 to 5 coordinates.
     """
@@ -109,7 +109,7 @@ class Rung:
     persistent: ClassVar[bool] = True
     curves: ClassVar[bool] = False
     reliable: ClassVar[bool] = True
-    price: ClassVar[int] = 20
+    cost: ClassVar[int] = 20
 
     def applies(self, search: Search) -> bool:
         """Whether the way is open to the problem, and worth its time."""
@@ -125,7 +125,7 @@ class Rung:
 
 
 @dataclass(frozen=True)
-class Newton(Rung):
+class Newton(Strategy):
     """Damped Newton steps: next to no cost, and known at once whether they lead anywhere.
 
     Those from where the action is `convex` hardly ever fail.
@@ -144,7 +144,7 @@ class Newton(Rung):
 
 
 @dataclass(frozen=True)
-class Descent(Rung):
+class Descent(Strategy):
     """Descent in the kinetic metric: robust and quick, and sees where S is not bounded below.
 
     With `many` coordinates a step costs more than Newton's method from the line, which may come
@@ -152,7 +152,7 @@ class Descent(Rung):
     """
 
     many: bool = False
-    minimises, persistent, curves, price = True, False, True, 100
+    minimises, persistent, curves, cost = True, False, True, 100
 
     def applies(self, search: Search) -> bool:
         ws, n = search.ws, search.ws.problem.system.n
@@ -163,10 +163,10 @@ class Descent(Rung):
         return ws.descend()
 
 
-class Least(Rung):
+class Least(Strategy):
     """Ipopt minimises: under constraints, and where the descent is lost."""
 
-    minimises, persistent, price = True, False, 500
+    minimises, persistent, cost = True, False, 500
 
     def seek(self, ws: Workspace) -> bool:
         return ws.find("least")
@@ -175,7 +175,7 @@ class Least(Rung):
 class PatientLeast(Least):
     """The same for a minimum down a long curved valley."""
 
-    persistent, price = True, 4000
+    persistent, cost = True, 4000
 
     def applies(self, search: Search) -> bool:
         # With a saddle in hand a long search on a large system is not worth it.
@@ -186,27 +186,27 @@ class PatientLeast(Least):
         return ws.find("patient least")
 
 
-class Homotopy(Rung):
+class Homotopy(Strategy):
     """Newton homotopy from the straight line: gets to a saddle slowly but surely.
 
-    On one mesh: on finer ones it took long and found no path that no other rung did. It comes
+    On one mesh: on finer ones it took long and found no path that no other strategy did. It comes
     before motions that meet, which may be quicker, because small changes of the question change
     nothing in what it finds.
     """
 
-    lengthy, reliable, price = True, False, 1500
+    lengthy, reliable, cost = True, False, 1500
 
     def seek(self, ws: Workspace) -> bool:
         return ws.homotopy()
 
 
-class Resonance(Rung):
+class LyapunovSchmidt(Strategy):
     """Newton steps that hold the few of many modes that are near a resonance, and free them later.
 
     What is found is a saddle as a rule: other modes are beyond their first resonance.
     """
 
-    price = 200
+    cost = 200
 
     def applies(self, search: Search) -> bool:
         system = search.ws.problem.system
@@ -216,10 +216,10 @@ class Resonance(Rung):
         return ws.pass_resonances()
 
 
-class Places(Rung):
+class ComponentNewton(Strategy):
     """Newton steps that are limited place by place, in lattices."""
 
-    price = 1000
+    cost = 1000
 
     def applies(self, search: Search) -> bool:
         ws = search.ws
@@ -230,14 +230,14 @@ class Places(Rung):
         return ws.settle_places()
 
 
-class Meeting(Rung):
+class TwoSidedShooting(Strategy):
     """Motions from both events that nearly meet half way; `meshes` are their numbers.
 
     They are near a path however far that is from the line, and in less time than a homotopy takes
     on fine meshes.
     """
 
-    price = 3000
+    cost = 3000
 
     def applies(self, search: Search) -> bool:
         problem = search.ws.problem
@@ -248,7 +248,7 @@ class Meeting(Rung):
         ws = search.ws
         first = ws.iterate
         try:
-            status = self._met(search)
+            status = self._refine_first(search)
         except LEADS_NOWHERE:
             ws.iterate = first
             raise
@@ -256,7 +256,7 @@ class Meeting(Rung):
             ws.iterate = first
         return status
 
-    def _met(self, search: Search) -> Status:
+    def _refine_first(self, search: Search) -> Status:
         """Refine the first of the curves that Newton's method takes to a path."""
         ws, problem, lost = search.ws, search.ws.problem, 0
         for seed, count in enumerate(self.meshes):
@@ -295,14 +295,14 @@ def plain(problem: Problem) -> bool:
     return len(problem.start.pinned) == n == len(problem.end.pinned) and problem.system.m == 0
 
 
-class Root(Rung):
+class Root(Strategy):
     """Ipopt solves the stationarity conditions: no path need be near.
 
     No other strategy solves seven of 23 random problems on a Toda lattice of 15 masses, and some
     problems with forces or with kinetic energies of both signs, where no path is least.
     """
 
-    price = 500
+    cost = 500
 
     def seek(self, ws: Workspace) -> bool:
         return ws.root()
@@ -312,31 +312,31 @@ class Root(Rung):
 # is convex there; elsewhere descent, where the action may be bounded below. The elements, measured
 # alike: half as many everywhere take 7 % more iterations, and lose an extreme case; twice as many
 # 2 % less, in more time. Half or twice the motions that meet change nothing.
-LADDER: tuple[Rung, ...] = (
+STRATEGIES: tuple[Strategy, ...] = (
     Newton("convex newton", (4,), convex=True),
     Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
     Newton("newton", (4,)),
-    Resonance("resonance", (4,)),
+    LyapunovSchmidt("resonance", (4,)),
     Descent("descent of many", (4, 8, 16, 32, 64), many=True),
-    Places("places", (4,)),
+    ComponentNewton("places", (4,)),
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
     Root("stationary", (8, 16)),
-    Meeting("meeting", (256, 768)),
+    TwoSidedShooting("meeting", (256, 768)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
-# Rungs that are tried from a curved line: those before what costs more, and all of them.
-CURVED_FIRST, CURVED_RUNGS = (
-    1 + [rung.name for rung in LADDER].index(last) for last in ("descent", "least")
+# Strategies that are tried from a curved line: those before what costs more, and all of them.
+CURVED_FIRST, CURVED_STRATEGIES = (
+    1 + [strategy.name for strategy in STRATEGIES].index(last) for last in ("descent", "least")
 )
 # By Ipopt alone: what can be had without methods of our own.
-IPOPT: tuple[Rung, ...] = (
+IPOPT: tuple[Strategy, ...] = (
     Least("least", (8, 16, 32, 64)),
     Root("stationary", (8, 16, 32)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
-BRIEF = LADDER[:2]  # what takes some hundredths of a second, whatever comes of it
-NEAR: tuple[Rung, ...] = ()  # do not search away from the guess
+CHEAP = STRATEGIES[:2]  # what takes some hundredths of a second, whatever comes of it
+GUESS_ONLY: tuple[Strategy, ...] = ()  # do not search away from the guess
 
 
 @dataclass(eq=False)
@@ -350,7 +350,7 @@ class Search:
     tol: float
     principle: str
     given: Mesh | None
-    ladder: tuple[Rung, ...] = LADDER
+    strategies: tuple[Strategy, ...] = STRATEGIES
     found_by: str = ""
     least: bool = False
     curved: bool = False  # whether a path is sought from a curved line
@@ -359,13 +359,13 @@ class Search:
     lost: list[tuple[bool, Iterate]] = field(default_factory=list)  # what could not be refined
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
     budget: float = math.inf  # elements evaluated after which nothing expensive is tried
-    settled: Path | None = None  # what became of a guess on a mesh that may be too coarse
+    settle: Path | None = None  # what became of a guess on a mesh that may be too coarse
     tried: list[str] = field(default_factory=list)
 
     # -- without a guess -----------------------------------------------------------------------
 
     def from_nothing(self) -> Status:
-        """Find a path with no guess, by the rungs of the ladder, and refine it.
+        """Find a path with no guess, by the strategies in turn, and refine it.
 
         A straight line may be a trap: through the centre of a force or of a circle, symmetry keeps
         every path on it that is sought from there. Then a curved one is tried.
@@ -373,18 +373,18 @@ class Search:
         self.may_be_least = self._may_be_least
         watch = self.ws.watch
         try:
-            status = self._try(self.ladder)
+            status = self._try(self.strategies)
             self.ws.ensure_iterate()
             if status in UNSOLVED:
-                again = self._from_curve(CURVED_RUNGS)
+                again = self._from_curve(CURVED_STRATEGIES)
                 return again if again in REACHED else status
             return status
         finally:
             if watch is not None:
                 watch.most = math.inf  # other searches may follow
 
-    def _from_curve(self, rungs: int) -> Status:
-        """Try so many rungs from a curved line, those that were tried left out.
+    def _from_curve(self, strategies: int) -> Status:
+        """Try so many strategies from a curved line, those that were tried left out.
 
         What fails leaves nothing but a path that was near.
         """
@@ -392,13 +392,13 @@ class Search:
             return Status.NOT_FOUND
         around, done = self.around, CURVED_FIRST
         if around is None:
-            given = self.tol, self.principle, self.given, self.ladder
+            given = self.tol, self.principle, self.given, self.strategies
             around = Search(self.ws.again(), *given, curved=True, lost=self.lost)
             self.around, done = around, 0
             around.may_be_least = self._may_be_least
         around.budget, ws = self.budget, around.ws
         try:
-            status = around._try(self.ladder[done:rungs])
+            status = around._try(self.strategies[done:strategies])
         except OutOfTime:
             self.ws.best = ws.best or self.ws.best
             raise
@@ -419,22 +419,24 @@ class Search:
         """Whether even the coarsest mesh has many unknowns."""
         return self.ws.problem.system.n * COARSE_DEGREE * COARSE_ELEMENTS > IPOPT_SIZE
 
-    def _try(self, ladder: tuple[Rung, ...]) -> Status:
-        """Try the rungs in turn until one leads to a path that can be refined."""
+    def _try(self, strategies: tuple[Strategy, ...]) -> Status:
+        """Try the strategies in turn until one leads to a path that can be refined."""
         status, large = Status.NOT_FOUND, self._large
-        for rung in self._priced(sorted(ladder, key=lambda rung: large and rung.lengthy)):
+        for strategy in self._in_order(
+            sorted(strategies, key=lambda strategy: large and strategy.lengthy)
+        ):
             try:
-                if not rung.applies(self):  # which may take second derivatives
+                if not strategy.applies(self):  # which may take second derivatives
                     continue
-                if rung.price >= EXPENSIVE:
-                    self._limit(rung.price)
-                self.begin(rung.name, rung.minimises)
-                status = rung.attempt(self)
+                if strategy.cost >= EXPENSIVE:
+                    self._limit(strategy.cost)
+                self.begin(strategy.name, strategy.minimises)
+                status = strategy.attempt(self)
             except LEADS_NOWHERE:
                 status = Status.NOT_FOUND
-                if self._spent:
+                if self._is_exhausted:
                     break
-            if rung.curves and status is Status.UNRESOLVED:
+            if strategy.curves and status is Status.UNRESOLVED:
                 around = self._from_curve(CURVED_FIRST)  # before what costs more
                 status = around if around in REACHED else status
             if status is Status.UNBOUNDED:
@@ -449,10 +451,10 @@ class Search:
                 return status
         return self._refine_saddle() if self.principle == "auto" else status
 
-    def _limit(self, price: int) -> None:
-        """Let what is tried from now on cost no more than `BUDGET`, where ways have a price.
+    def _limit(self, cost: int) -> None:
+        """Let what is tried from now on cost no more than `BUDGET`, where ways have a cost.
 
-        With a saddle in hand no more than the price of the way.
+        With a saddle in hand no more than the cost of the way.
         """
         watch = self.ws.watch = self.ws.watch or Watch(None, None)
         if not watch.has_costs or self.curved:
@@ -461,10 +463,10 @@ class Search:
             self.budget = watch.evaluated + BUDGET
         watch.most = self.budget
         if self.saddle is not None and self.principle == "auto":
-            watch.most = min(self.budget, watch.evaluated + price)
+            watch.most = min(self.budget, watch.evaluated + cost)
 
     @property
-    def _spent(self) -> bool:
+    def _is_exhausted(self) -> bool:
         """Whether nothing is left, and not only what one way may cost."""
         watch = self.ws.watch
         if watch is None:
@@ -473,14 +475,14 @@ class Search:
         watch.most = math.inf if spent else self.budget
         return spent
 
-    def _priced(self, rungs: Iterable[Rung]) -> Iterator[Rung]:
-        """Yield the rungs in turn, last those that the time left does not allow for."""
+    def _in_order(self, strategies: Iterable[Strategy]) -> Iterator[Strategy]:
+        """Yield the strategies in turn, last those that the time left does not allow for."""
         watch, expensive = self.ws.watch, []
-        for rung in rungs:
-            if watch is None or watch.affords(rung.price):
-                yield rung
+        for strategy in strategies:
+            if watch is None or watch.affords(strategy.cost):
+                yield strategy
             else:
-                expensive.append(rung)
+                expensive.append(strategy)
         yield from expensive
 
     def _refine_saddle(self) -> Status:
@@ -498,7 +500,7 @@ class Search:
                 return Status.NOT_FOUND
         return self.refine()
 
-    def on_meshes(self, rung: Rung) -> Status:
+    def on_meshes(self, strategy: Strategy) -> Status:
         """Seek a path on finer and finer meshes until one resolves it roughly, and refine it.
 
         A mesh too coarse for the motion has stationary points of its own that are no paths, or
@@ -509,25 +511,32 @@ class Search:
         ws.record.rounds.clear()
         # Motions of many coordinates may be too fast for the coarsest meshes.
         many = ws.many_coordinates and not ws.problem.system.m
-        few, first = fewest(ws.problem) if many else 0, (FIRST_FEW,) if many and rung.steep else ()
-        meshes = sorted({max(elements, few) for elements in (*first, *rung.meshes)})
+        few, first = (
+            fewest(ws.problem) if many else 0,
+            (FIRST_FEW,) if many and strategy.steep else (),
+        )
+        meshes = sorted({max(elements, few) for elements in (*first, *strategy.meshes)})
         for elements in meshes:
             ws.restart()
-            mesh = self._uniform(elements, self._fine_degree() if rung.steep else COARSE_DEGREE)
-            ws.transcribe(mesh, known or (self._curved(mesh) if self.curved else self._step(mesh)))
-            if not rung.seek(ws):
-                if rung.minimises and ws.unbounded and ws.problem.system.F is None:  # F^2 is not
+            mesh = self._uniform(elements, self._fine_degree() if strategy.steep else COARSE_DEGREE)
+            ws.transcribe(
+                mesh, known or (self._curved_line(mesh) if self.curved else self._step(mesh))
+            )
+            if not strategy.seek(ws):
+                if (
+                    strategy.minimises and ws.unbounded and ws.problem.system.F is None
+                ):  # F^2 is not
                     return Status.UNBOUNDED
-                if not rung.persistent:
+                if not strategy.persistent:
                     return Status.NOT_FOUND
                 known = None
                 continue
-            if ws.here.rough > ROUGHLY and (elements != meshes[-1] or not rung.reliable):
-                known = ws.here.path if rung.minimises else None
+            if ws.here.rough > ROUGHLY and (elements != meshes[-1] or not strategy.reliable):
+                known = ws.here.path if strategy.minimises else None
                 continue
-            if not rung.minimises and self.may_be_least and ws.here.index > 0:
+            if not strategy.minimises and self.may_be_least and ws.here.index > 0:
                 # There may be a least path yet; this one is kept in case there is not.
-                self.saddle = self.saddle or (rung.name, ws.here.bare())
+                self.saddle = self.saddle or (strategy.name, ws.here.bare())
                 return Status.NOT_FOUND
             if self._lost_before():
                 status = Status.UNRESOLVED
@@ -537,7 +546,7 @@ class Search:
             if status is not Status.UNRESOLVED:
                 break
             self.lost.append((self.least, found))
-            if ws.kinked:  # so it is on finer meshes
+            if ws.has_kink:  # so it is on finer meshes
                 break
         return status
 
@@ -576,7 +585,7 @@ class Search:
         if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
             return status
         for coarse in self._fine_enough(curve_of):
-            curve = self.settled or curve_of(coarse)
+            curve = self.settle or curve_of(coarse)
             own = curve.mesh is not coarse and coarse.elements == GUESS_MESHES[0]
             mesh = self.given or (curve.mesh if own else coarse)
             self.ws.transcribe(mesh, curve, like=curve)
@@ -589,7 +598,7 @@ class Search:
     def _from_few(self, curve_of: Callable[[Mesh], Path]) -> Status:
         """Follow the guess on few elements that show all of it, where coordinates are many."""
         ws = self.ws
-        if self.given is not None or self.ladder is IPOPT or not ws.many_coordinates:
+        if self.given is not None or self.strategies is IPOPT or not ws.many_coordinates:
             return Status.NOT_FOUND
         fine = self._uniform(GUESS_MESHES[0], COARSE_DEGREE)
         curve = curve_of(fine)
@@ -607,11 +616,11 @@ class Search:
     def _near(self) -> bool:
         """Move the iterate at hand to the stationary path near it, or some way towards it."""
         ws, first = self.ws, self.ws.here
-        if self.ladder is IPOPT:
+        if self.strategies is IPOPT:
             return ws.root()
         if self._settles():
             return True
-        settled, self.settled = ws.here, ws.here.path
+        settled, self.settle = ws.here, ws.here.path
         if ws.problem.system.m:  # damped steps may leave the surface, and come to another path
             for here in (settled, first):
                 ws.here = here
@@ -619,7 +628,7 @@ class Search:
                     return True
             ws.here = settled
         # A guess is worth seconds, not minutes.
-        return self.ladder is not NEAR and (ws.root() or (not ws.large and ws.homotopy()))
+        return self.strategies is not GUESS_ONLY and (ws.root() or (not ws.large and ws.homotopy()))
 
     def _settles(self) -> bool:
         """Move the iterate at hand to the stationary path next to it, as far as that is quick."""
@@ -645,19 +654,19 @@ class Search:
         meshes = [self._uniform(elements, COARSE_DEGREE) for elements in GUESS_MESHES]
         for k, mesh in enumerate(meshes):
             curve = curve_of(mesh)
-            shown = self._shown(curve)
+            shown = self._resolution_of(curve)
             if curve.mesh is not mesh or shown.worst < GUESS_RESOLUTION:
                 return meshes[k:]
         for _ in range(GUESS_ROUNDS):  # a core may be far shorter than the way
-            mesh = refined(shown, GUESS_RESOLUTION / 2)
+            mesh = cheapest_mesh(shown, GUESS_RESOLUTION / 2)
             if mesh.nodes.size > meshes[-1].nodes.size:
                 break
-            shown = self._shown(curve_of(mesh))
+            shown = self._resolution_of(curve_of(mesh))
             if shown.worst < GUESS_RESOLUTION:
                 return [mesh, *meshes]
         return meshes
 
-    def _shown(self, curve: Path) -> Resolution:
+    def _resolution_of(self, curve: Path) -> Resolution:
         """Return what the mesh of a curve resolves of it."""
         values = curve.values.T
         return resolution(curve.mesh, values, sizes(values, self.ws.problem.scales))
@@ -670,13 +679,13 @@ class Search:
         mesh, free = self.given, self.given is None and curve_of is None
         steady = self.ws.problem.system.structure.steady
         if free and steady:
-            mesh = planned(self.ws.problem, self.tol, LINEAR)
+            mesh = plan(self.ws.problem, self.tol, LINEAR)
         elif mesh is None:
             mesh = self._uniform(LINEAR, self._fine_degree())
             mesh = curve_of(mesh).mesh if curve_of is not None else mesh
         self.ws.transcribe(mesh, None)
         if free and not steady:
-            mesh = paced(self.ws.here.tr, self.ws.here.z)
+            mesh = plan_layers(self.ws.here.tr, self.ws.here.z)
             if mesh is not None:
                 self.ws.transcribe(mesh, None)
         return self.refine() if self.ws.follow() else Status.DEGENERATE
@@ -693,10 +702,10 @@ class Search:
     def _uniform(self, elements: int, degree: int) -> Mesh:
         problem = self.ws.problem
         if problem.has_tails:
-            return graded(problem, elements, degree)
+            return graded_mesh(problem, elements, degree)
         return Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
 
-    def _curved(self, mesh: Mesh) -> Path:
+    def _curved_line(self, mesh: Mesh) -> Path:
         """Return a line between the events curved to one side in every coordinate."""
         problem = self.ws.problem
         Q = Transcription(problem, mesh, problem.lengths).straight()
@@ -723,13 +732,13 @@ class Search:
         """Refine the path at hand to the tolerance, or judge it on the mesh that was given."""
         watch = self.ws.watch
         if watch is None:
-            return self._refined()
+            return self._refine()
         most, watch.most = watch.most, math.inf  # a path in hand is not given up
-        status = self._refined()
+        status = self._refine()
         watch.most = most
         return status
 
-    def _refined(self) -> Status:
+    def _refine(self) -> Status:
         if self.given is not None:
             return solve_on(self.ws, self.given, least=self.least)
         return refine(self.ws, self.tol, least=self.least)
