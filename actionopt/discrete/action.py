@@ -139,8 +139,10 @@ class Action:
 
     def _ends(self) -> Array:
         """Return the coordinates that are given, (K, n), and zeros."""
-        ends = np.zeros((self.layout.node_count, self.problem.system.n))
-        for k, event in zip(self.joints, self.problem.joints_found, strict=True):
+        ends, problem = np.zeros((self.layout.node_count, self.problem.system.n)), self.problem
+        for k, event in zip(
+            self.joints if problem.through else (0, -1), problem.joints_found, strict=True
+        ):
             ends[k] = [0.0 if x is None else x for x in event.q]
         return ends
 

@@ -400,9 +400,12 @@ class Problem:
     @property
     def is_joined(self) -> bool:
         """Whether times or places of events of a course are to be found, or multipliers."""
+        if self.integral is not None and self.asked is None:
+            return True
+        if not self.through:
+            return False
         inner = any(e.t is None or e.on is not None for e in self.through)
-        outer = bool(self.through and (self.free_time or self.on_surface))
-        return inner or outer or (self.integral is not None and self.asked is None)
+        return inner or self.free_time or self.on_surface
 
     @property
     def has_free_boundary(self) -> bool:

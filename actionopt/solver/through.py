@@ -333,7 +333,7 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
     """
     n, given = problem.system.n, times_of(problem)
     if isinstance(guess, Solution):
-        guess = guess.path if not guess.problem.through else _of_solution(guess)
+        guess = guess.path
     if not isinstance(guess, Path) and not callable(guess):
         points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
         if points.shape != (n, len(given)) or not np.isfinite(points).all():
@@ -369,10 +369,6 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
         mesh = wave_mesh(times)
     s = np.interp(mesh.nodes, times, on_curve)
     return Path(mesh, np.asarray(curve(s), dtype=float).reshape(n, -1)), times
-
-
-def _of_solution(known: Solution) -> Path:
-    return known.path
 
 
 def _pass_times(problem: Problem, t: Array, q: Array) -> Array:

@@ -88,20 +88,18 @@ def _continue(
     stationary one: a rope much longer than its span is no sine.
     """
     first, last = integrals(DiscretePath(tr, origin))[0], np.array(problem.integral)
+    first_sine = np.eye(len(variations))[0]
     for sign in (1.0, -1.0):
         share, step, path, kappa = 0.0, FIRST_PART, None, None
         for _ in range(VALUE_STEPS):
             now = min(share + step, 1.0)
             values = first + now * (last - first)
-            if path is None:
-                amplitudes = np.zeros(len(variations))
-                amplitudes[0] = sign
-                z = _project(tr, origin, variations, amplitudes, values)
+            start = path
+            if start is None:
+                z = _project(tr, origin, variations, sign * first_sine, values)
                 if z is None:
                     break
                 start = DiscretePath(tr, z).path
-            else:
-                start = path
             near = problem.replace(integral=values)
             equations, y = Bordered.around(near, start, None, tr.lengths, times=times, kappa=kappa)
             reached = approach(equations, y, APPROACHES)
