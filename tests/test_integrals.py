@@ -178,7 +178,6 @@ def test_closed_paths_with_integrals_are_refused():
     for ask in (
         lambda: ao.trace(problem, ("end", "x"), 2.0),
         lambda: ao.sweep(problem, {("end", "x"): [1.0, 2.0]}),
-        lambda: ao.solve(problem).sensitivity(),
         lambda: ao.solve(problem, method="ipopt"),
     ):
         with pytest.raises(ValueError, match=r"integral|ipopt"):

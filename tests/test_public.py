@@ -65,7 +65,7 @@ def objects():
             path,
         ),
         *(path.mesh, solved, solved.compare(), solved.inertia, solved.status, variation),
-        ao.Sensitivity(row, row, 1.0, 1.0, {"m": row}, *(np.outer(row, row),) * 3),
+        ao.Sensitivity(row, row, 1.0, 1.0, {"m": row}, *(np.outer(row, row),) * 4, row, row),
         ao.SecondVariation(row, variation.modes * 50, variation.inertia, row),
         *(ao.monodromy(solved), ao.variation(solved, lambda t: [t * (2 - t)]), over.contacts[0]),
         *(swept, ao.trace(QUESTION, "t1", 2.05), SEARCHES["solve_all"]()),

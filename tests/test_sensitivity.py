@@ -1,5 +1,8 @@
 """Derivatives of the action against differences of re-solved problems and closed forms."""
 
+from typing import Any
+
+import casadi as ca
 import numpy as np
 import pytest
 import systems
@@ -179,3 +182,128 @@ def test_forced_systems_are_refused():
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0)))
     with pytest.raises(ValueError, match="non-conservative"):
         solution.sensitivity()
+
+
+# -- events between the ends, and integrals --------------------------------------------------------
+
+
+def _waypoints(x, y, t, a, y1):
+    """Three legs of a motion with a clock; one coordinate is free at the first waypoint."""
+
+    def lagrangian(q, v, t, *, a):
+        return v @ v / 2 - a * q[0] ** 2 * np.cos(t) / 2 + 0.3 * q[0] * q[1] - np.cosh(q[1])
+
+    system = ao.System(lagrangian, ["x", "y"], parameters={"a": a})
+    between = [ao.Event(0.8 + t, [0.9 + x, None]), ao.Event(1.4, [0.2, 0.1 + y])]
+    ends = ao.Event(0, [0.1, 0.2]), ao.Event(2, [0.7, y1])
+    found = ao.solve(ao.Problem(system, *ends, through=between), tol=1e-12)
+    s = found.sensitivity()
+    return found, [s.through_q[0, 0], s.through_q[1, 1], s.through_t[0], s.parameters["a"], s.q1[1]]
+
+
+def _bounce(t0, b, g, x1, y0):
+    """A ball off a curved floor that moves."""
+    ball = ao.System(
+        lambda q, v, t, *, g: v @ v / 2 - g * q[1] * (1 + 0.1 * np.sin(t)),
+        ["x", "y"],
+        parameters={"g": g},
+    )
+    floor = ao.Bounce(lambda q, t, *, b: q[1] - 0.1 * b * q[0] ** 2 - 0.1 * t * q[0])
+    ends = ao.Event(t0, [0, y0]), ao.Event(2, [x1, 0.7])
+    problem = ao.Problem(ball, *ends, through=[floor], parameters={"b": b})
+    found = ao.solve(problem, tol=1e-12, guess=[[0, 0.5, 1], [1, 0.1, 0.7]])
+    s = found.sensitivity()
+    return found, [s.t0, s.parameters["b"], s.parameters["g"], s.q1[0], s.q0[1]]
+
+
+def _refraction(t1, y0):
+    media: Any = [
+        ao.System(lambda q, v, t, *, n: n**2 * (v @ v) / 2, ["x", "y"], parameters={"n": n})
+        for n in (1.0, 1.5)
+    ]
+    surface = ao.Event(None, None, on=lambda q, t: q[1] - 0.1 * np.sin(q[0]) - 0.2 * t)
+    ends = ao.Event(0, [0, y0]), ao.Event(t1, [2, -1])
+    found = ao.solve(ao.Problem(media, *ends, through=[surface]), tol=1e-12)
+    s = found.sensitivity()
+    assert "leg_times" not in s.parameters
+    return found, [s.t1, s.q0[1]]
+
+
+def _rope(length, y0):
+    def ds(q, v, t):
+        return np.sqrt(1 + v[0] ** 2)
+
+    rope = ao.System(lambda q, v, t: q[0] * ds(q, v, t), ["y"], integral=ds)
+    problem = ao.Problem(rope, ao.Event(0, [y0]), ao.Event(2, [0.4]), integral=length)
+    found = ao.solve(problem, tol=1e-12)
+    s = found.sensitivity()
+    assert s.integral == pytest.approx(-found.integral_multipliers)
+    assert not s.parameters
+    return found, [s.integral[0], s.q0[0]]
+
+
+def _switch(t0, t, when):
+    """L switches by the clock where no event is, and a waypoint follows."""
+
+    def lagrangian(q, v, t, *, when):
+        return v[0] ** 2 / 2 - ca.if_else(t < when, 1.0, 3.0) * q[0] ** 2 / 2
+
+    system = ao.System(lagrangian, ["x"], parameters={"when": when})
+    ends = ao.Event(t0, [0.3]), ao.Event(2, [0.9])
+    found = ao.solve(ao.Problem(system, *ends, through=[ao.Event(t, [0.7])]), tol=1e-12)
+    s = found.sensitivity()
+    return found, [s.t0, s.through_t[0], s.parameters["when"]]
+
+
+@pytest.mark.parametrize(
+    ("question", "values", "end"),
+    [
+        (_waypoints, (0.0, 0.0, 0.0, 1.3, 0.5), "q1"),
+        pytest.param(_bounce, (0.0, 1.0, 1.0, 1.0, 1.0), "q0", marks=pytest.mark.slow),
+        pytest.param(_refraction, (1.0, 1.0), "q0", marks=pytest.mark.slow),
+        (_rope, (2.6, 0.0), "q0"),
+        (_switch, (0.0, 1.0, 0.5), None),
+    ],
+)
+def test_derivatives_by_events_between_the_ends_are_those_of_the_action(question, values, end):
+    """First derivatives are those of S; the second ones, by the last value, those of the first."""
+    first, slopes = question(*values)
+    h, sides = 1e-4, []
+    for slope, unit in zip(slopes, np.eye(len(values)), strict=True):
+        sides = [question(*(np.array(values) + sign * h * unit))[0] for sign in (-1, 1)]
+        assert slope == pytest.approx((sides[1].action - sides[0].action) / (2 * h), abs=2e-7)
+    if end is not None:
+        before, after = (x.sensitivity() for x in sides)
+        found = getattr(first.sensitivity(), f"{end}{end}")[-1]
+        change = getattr(after, end) - getattr(before, end)
+        assert change / (2 * h) == pytest.approx(found, abs=1e-6)
+
+
+def test_a_waypoint_on_a_constraint_moves_along_it():
+    """On a circle that grows: the impulse has no part along its normal."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2 - q[1], ["x", "y"], constraint=lambda q, t: q @ q - 1 - 0.1 * t
+    )
+
+    def point(t, angle):
+        return np.sqrt(1 + 0.1 * t) * np.array([np.sin(angle), -np.cos(angle)])
+
+    def solution(angle=0.2, t=0.9, first=-0.5):
+        events = [ao.Event(t, point(t, x)) for t, x in ((0.0, first), (t, angle), (2.0, 0.9))]
+        problem = ao.Problem(system, events[0], events[2], through=[events[1]])
+        return ao.solve(problem, tol=1e-12)
+
+    found, h = solution(), 1e-4
+    s = found.sensitivity()
+    normal, along = point(0.9, 0.2), np.array([np.cos(0.2), np.sin(0.2)])
+    assert found.impulses[0] @ normal == pytest.approx(0, abs=1e-12)
+    slope = (solution(0.2 + h).action - solution(0.2 - h).action) / (2 * h)
+    assert s.through_q[0] @ along * np.sqrt(1.09) == pytest.approx(slope, abs=1e-8)
+    slope = (solution(t=0.9 + h).action - solution(t=0.9 - h).action) / (2 * h)
+    moving = 0.05 * normal / 1.09
+    assert s.through_t[0] + s.through_q[0] @ moving == pytest.approx(slope, abs=1e-7)
+    h = 1e-3
+    actions = [solution(first=-0.5 + x).action for x in (-h, 0, h)]
+    along = np.array([np.cos(0.5), -np.sin(0.5)])
+    bend = along @ s.q0q0 @ along - s.q0 @ point(0, -0.5)
+    assert bend == pytest.approx((actions[0] - 2 * actions[1] + actions[2]) / h**2, abs=1e-6)

@@ -244,7 +244,6 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
         ao.Problem(cast(Any, [FREE] * 3), *ends, through=between)
     found = ao.solve(ao.Problem(FREE, *ends, through=between))
     for ask in (
-        found.sensitivity,
         lambda: ao.second_variation(found),
         lambda: spectrum_data(found),
         lambda: ao.conjugate_points(found),

@@ -29,8 +29,8 @@ from actionopt.analysis.second_variation import (
     form,
     second_derivatives,
 )
-from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import Rows, moves_of, times_of
+from actionopt.discrete.bordered import Bordered, equations_of
+from actionopt.discrete.borders import Rows, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, full
 from actionopt.mechanics.held import Held
@@ -187,17 +187,10 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
             "condition), found one that is not along the path: infinitely many variations lower "
             "the action, and no index counts them"
         )
-    asked, layout, z, kinetic = problem.asked or problem, tr.layout, at.z, tr.kinetic(at.z)
-    matrix, multipliers = None, 0
-    if asked.is_joined:
-        path, times, kappa = at.path, times_of(problem), problem.kappa
-        known = {"times": times, "kappa": kappa if kappa.size else None}
-        equations, z = Bordered.around(asked, path, None, tr.lengths, **known)
-        layout, matrix = equations.layout, equations.kkt(z)
-        kinetic = equations.kinetic(z)
-        multipliers = sum(border.multipliers for border in equations.borders)
-    else:
-        matrix = tr.kkt(z)
+    equations, z = equations_of(problem.asked or problem, at)
+    layout, matrix, kinetic = equations.layout, equations.kkt(z), equations.kinetic(z)
+    borders = equations.borders if isinstance(equations, Bordered) else ()
+    multipliers = sum(border.multipliers for border in borders)
     tolerance = float(np.clip(ERROR_GAIN * np.fmin(error, 1.0), INDEX_TOLERANCE, LOOSEST))
 
     def below(mu: float) -> int:

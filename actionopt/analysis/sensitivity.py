@@ -2,7 +2,9 @@
 
     dS = p1.dq1 - p0.dq0 - H1 dt1 + H0 dt0 + int (dL/da) dt da
 
-(Hamilton and Jacobi; the last term because S is stationary in all else). For a discrete path
+(Hamilton and Jacobi; the last term because S is stationary in all else). At events between the ends
+momentum and energy jump by what S changes with their places and times, -[p].dq + [H] dt, and by the
+values G of integrals it changes by -kappa dG. For a discrete path
 these are exact derivatives of the discrete action (those by the times are in `end_times`), so that
 no difference is taken, nothing is solved again, and the accuracy is that of the action.
 """
@@ -14,16 +16,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.analysis.jacobi import resolve
-from actionopt.analysis.second_variation import Form, condense
+from actionopt.analysis.second_variation import Form, condense, tangent
+from actionopt.discrete.bordered import equations_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times, explicit, jumps_of
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.layout import BorderedLayout, border_matrix
 from actionopt.discrete.surfaces import reactions, surface_at
+from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Tail
-from actionopt.mechanics.system import System
+from actionopt.mechanics.system import MULTIPLIERS, System
 from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
-from actionopt.tools.types import Array
+from actionopt.tools.types import RANK, Array
 
 # Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
 SENSITIVITY_RESOLUTION = 1e-8
@@ -49,7 +55,15 @@ class Sensitivity:
     q0q0, q0q1, q1q1 : (n, n) arrays
         Second derivatives by the ends; minus `q0q1` is Van Vleck's matrix. With constraints
         they are reduced to the tangent planes at the events: along a curve q(s) on the surface
-        add dS/dq . q''. Infinite or huge where the ends are conjugate.
+        add dS/dq . q''. Infinite or huge where the ends are conjugate. Times and places of events
+        between the ends, and multipliers, follow the ends; the duration does not.
+    through_q : (k, n) array
+        dS/dq = -[p] at the events between the ends: minus the `impulses` in coordinates that are
+        given.
+    through_t : (k,) array
+        dS/dt = [H] there, at fixed coordinates; zero for a time that was to be found.
+    integral : (c,) array
+        dS/dG = -kappa, by the values of integrals that are given.
     """
 
     q0: Array
@@ -60,6 +74,9 @@ class Sensitivity:
     q0q0: Array
     q0q1: Array
     q1q1: Array
+    through_q: Array
+    through_t: Array
+    integral: Array
 
     __repr__ = one_line
 
@@ -70,10 +87,13 @@ class Sensitivity:
 
 
 @one_thread
-def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) -> Sensitivity:
-    """Return the derivatives of the action of a path by its ends and parameters.
+def sensitivity(
+    at: DiscretePath, error: float, momenta: tuple[Array, Array], jumps: tuple[Array, Array]
+) -> Sensitivity:
+    """Return the derivatives of the action of a path by its events and parameters.
 
-    `error` is the path's, `momenta` those at its ends, (n,) each. Raises ValueError for a path in
+    `error` is the path's, `momenta` those at its ends, (n,) each, `jumps` those of momentum (k, n)
+    and energy (k,) at the events between. Raises ValueError for a path in
     contact with an obstacle, and for non-conservative forces: S is then no function of the ends
     that the momenta would be derivatives of.
 
@@ -88,40 +108,52 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
             "with the events, which these derivatives do not count; solve for neighbouring events "
             "and take differences, or see `momenta` for dS by the coordinates there"
         )
-    form = resolve(at, error, SENSITIVITY_RESOLUTION)
-    found = slopes(at, momenta)
-    q0, q1 = found["q0"], found["q1"]
     problem = at.problem
-    for row, on, event in zip(
-        (q0, q1), problem.surfaces, (problem.start, problem.end), strict=True
-    ):
-        row[[i for i, x in enumerate((on or event).q) if x is None]] = 0.0
-    parameters = _unpack(at.problem.system, found["parameters"])
-    return Sensitivity(q0, q1, float(found["t0"]), float(found["t1"]), parameters, *_second(form))
+    if problem.through or problem.integral is not None:
+        second = _second_through(at)
+    else:
+        second = _second(resolve(at, error, SENSITIVITY_RESOLUTION))
+    found = slopes(at, momenta, jumps)
+    ends = zip((found["q0"], found["q1"]), problem.surfaces, (0, -1), strict=True)
+    for row, on, k in ends:
+        row[[i for i, x in enumerate((on or problem.joints_found[k]).q) if x is None]] = 0.0
+    parameters = _unpack(problem.system, found["parameters"])
+    for name in (MULTIPLIERS, SWITCHES):
+        parameters.pop(name, None)
+    t0, *through_t, t1 = found["times"].tolist()
+    inner = found["through_q"], np.array(through_t), -problem.kappa
+    return Sensitivity(found["q0"], found["q1"], t0, t1, parameters, *second, *inner)
 
 
-def slopes(at: DiscretePath, momenta: tuple[Array, Array]) -> dict[str, Array]:
-    """Return the first derivatives of S: by "q0", "q1" (n,), "t0", "t1" and "parameters" (p,).
+def slopes(
+    at: DiscretePath, momenta: tuple[Array, Array], jumps: tuple[Array, Array]
+) -> dict[str, Array]:
+    """Return the first derivatives of S: by "q0", "q1" (n,), "times" (k + 2,), "through_q" (k, n).
 
-    The last packed. Only where no force is non-conservative.
+    And by "parameters" (p,), packed. Only where no force is non-conservative.
     """
     tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
     system, q = problem.system, at.Q[node_of]
-    t0, t1 = by_times(at)
+    times = by_times(at)
+    times[1:-1] = jumps[1]
     lam = at.lam[node_of]
     by_parameters = explicit(system)(q, tr.velocities(q), tr.times, problem.packed, lam)[1]
     packed = np.sum(tr.weight * by_parameters, axis=0)
-    inner, jumps = jumps_of(at)
+    inner, steps = jumps_of(at)
     if inner:  # moved by parameters
         assert system.clock is not None
-        packed = packed + jumps @ system.clock.moving(inner, problem.packed)
-    q0, q1 = -momenta[0], momenta[1].copy()
-    for k, row in enumerate((q0, q1)):
-        if problem.surfaces[k] is not None:  # S + mu.on is what is stationary
-            mu, _ = reactions(at, -k)
-            _, by_q, by_t, by_p = surface_at(at, -k)
-            row += mu @ by_q
-            t0, t1 = (t0, t1 + float(mu @ by_t)) if k else (t0 + float(mu @ by_t), t1)
+        packed = packed + steps @ system.clock.moving(inner, problem.packed)
+    joints = problem.joints
+    by_place = np.concatenate([-momenta[0][None], -jumps[0], momenta[1][None]])
+    for row, event in zip(by_place[1:-1], joints[1:-1], strict=True):
+        row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
+    for k, event in enumerate(joints):
+        if event.on is not None:  # S + mu.on is what is stationary
+            mu, _ = reactions(at, k)
+            _, by_q, by_t, by_p = surface_at(at, k)
+            given = list(event.pinned) if 0 < k < len(joints) - 1 else slice(None)
+            by_place[k, given] += mu @ by_q[:, given]
+            times[k] += float(mu @ by_t)
             packed = packed + mu @ by_p
     if problem.has_tails:  # what is beyond the window's edges goes with the system
         known = next(x for x in problem.rests if x is not None)
@@ -131,11 +163,15 @@ def slopes(at: DiscretePath, momenta: tuple[Array, Array]) -> dict[str, Array]:
         level = explicit(system)(at_rest, still, tr.times, problem.packed, nowhere)[1]
         packed = packed - np.sum(tr.weight * level, axis=0)
         L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
-        t0 = 0.0 if isinstance(problem.start, Tail) else t0 + float(L[0])
-        t1 = 0.0 if isinstance(problem.end, Tail) else t1 - float(L[1])
+        times[0] = 0.0 if isinstance(problem.start, Tail) else times[0] + float(L[0])
+        times[-1] = 0.0 if isinstance(problem.end, Tail) else times[-1] - float(L[1])
     return {
-        "q0": q0, "q1": q1, "t0": np.array(t0), "t1": np.array(t1), "parameters": packed,
-    }  # fmt: skip
+        "q0": by_place[0],
+        "q1": by_place[-1],
+        "through_q": by_place[1:-1],
+        "times": times,
+        "parameters": packed,
+    }
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:
@@ -158,6 +194,50 @@ def _second(form: Form) -> tuple[Array, Array, Array]:
         first += count
     start, end = maps
     return start.T @ hessian @ start, start.T @ hessian @ end, end.T @ hessian @ end
+
+
+def _second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
+    """Return them for a path through events or with given integrals, on its mesh.
+
+    The ends are free in the equations, and held by multipliers: d2S is what these change by as the
+    ends are moved, along the tangent planes of constraints.
+    """
+    problem, n = at.problem, at.problem.system.n
+    asked, ends = problem.asked or problem, (problem.start, problem.end)
+    start, end = (
+        e._replace(t=x.t, q=None) for e, x in zip((asked.start, asked.end), ends, strict=True)
+    )
+    equations, y = equations_of(asked.replace(start=start, end=end), at)
+    planes = tangent(problem, at.Q[[0, -1]], at.mesh.nodes[[0, -1], None], np.ones(n))
+    layout = equations.layout
+    number = (layout.inner if isinstance(layout, BorderedLayout) else layout).number
+    edges, maps = [], []
+    for k, event in enumerate((asked.start, asked.end)):
+        pinned = list(event.pinned)
+        plane, sizes, _ = np.linalg.svd(planes[k][pinned])
+        plane = plane[:, : np.sum(sizes > RANK)]
+        edges.append(np.zeros((layout.size, plane.shape[1])))
+        edges[k][number[-k, pinned]] = plane * at.tr.lengths[pinned, None]
+        maps.append(np.zeros((plane.shape[1], n)))
+        maps[k][:, pinned] = plane.T
+    edge = np.hstack(edges)
+    count, cut = edge.shape[1], len(maps[0])
+    corner = np.zeros((count, count))
+    matrix = border_matrix(layout, equations.kkt(y), edge, edge.T, corner)
+    right = np.eye(count, layout.size + count, layout.size)
+    try:
+        factors = Factors(*matrix)
+        forces = np.array([factors.solve(row)[layout.size :] for row in right])
+    except np.linalg.LinAlgError:  # conjugate
+        infinite = np.full((n, n), np.inf)
+        return infinite, infinite, infinite
+    hessian = -at.tr.action_unit * forces
+    first, last = maps
+    return (
+        first.T @ hessian[:cut, :cut] @ first,
+        first.T @ hessian[:cut, cut:] @ last,
+        last.T @ hessian[cut:, cut:] @ last,
+    )
 
 
 def _unpack(system: System, packed: Array) -> dict[str, Array]:

@@ -21,7 +21,7 @@ from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
 from actionopt.discrete.action import ActionUnits
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_joint_times
+from actionopt.discrete.end_times import by_times
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
@@ -221,20 +221,40 @@ class Solution:
             )
         return tuple(found)
 
-    @cached_property
+    @property
     def impulses(self) -> Array:
-        """The jumps of the momentum at the events between the ends, after minus before: (k, n)."""
-        return -self.discrete.tr.pulls(self.discrete.z)[1:-1]
+        """The jumps of the momentum at the events between the ends, after minus before: (k, n).
+
+        With constraints, those of the motions that the constraints allow, as `momenta`.
+        """
+        return self.jumps[0]
+
+    @property
+    def energy_jumps(self) -> Array:
+        """The jumps of the energy H there, after minus before: (k,)."""
+        return self.jumps[1]
+
+    @cached_property
+    def jumps(self) -> tuple[Array, Array]:
+        """`impulses` and `energy_jumps`: -dS/dq and dS/dt at events of given place."""
+        system, at = self.problem.system, self.discrete
+        if not self.problem.through:
+            return _read_only(np.zeros((0, system.n)), np.zeros(0))
+        if not system.m:
+            return _read_only(-at.tr.pulls(at.z)[1:-1], by_times(at)[1:-1])
+        # The rows that an event of given place has not would push there, too: from both sides.
+        p, H = [], []
+        for before, after in pairwise(self.parts):
+            p.append(after.momenta[0] - before.momenta[1])
+            sides = [(x.q, x.v, x.t) for x in (before.end, after.start)]
+            levels = [system.energy(*x, parameters=self.problem.parameters) for x in sides]
+            H.append(float(levels[1] - levels[0]))
+        return _read_only(np.array(p), np.array(H))
 
     @property
     def integral_multipliers(self) -> Array:
         """The multipliers kappa (c,) of S + kappa.(int g dt - value): dS/dvalue = -kappa."""
         return self.problem.kappa
-
-    @cached_property
-    def energy_jumps(self) -> Array:
-        """The jumps of the energy H there, after minus before: (k,), dS by the events' times."""
-        return by_joint_times(self.discrete)[1:-1]
 
     @property
     def duration(self) -> float:
@@ -476,8 +496,7 @@ class Solution:
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
-        check_whole(self.problem, "how the action changes with its ends")
-        return sensitivity(self.discrete, self.error, self.momenta)
+        return sensitivity(self.discrete, self.error, self.momenta, self.jumps)
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""

@@ -36,7 +36,7 @@ from actionopt.discrete.borders import (
 )
 from actionopt.discrete.boundaries import carry_boundaries, stretch_legs
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_joint_times, by_times
+from actionopt.discrete.end_times import by_times
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.integrals import integrals
 from actionopt.discrete.layout import BorderedLayout
@@ -279,10 +279,8 @@ class Bordered:
 
     def _gradient(self, at: DiscretePath) -> Gradient:
         """Return the derivatives of the action, by the times only if they are unknown."""
-        if self.times_border is not None:
-            times = by_joint_times(at) / at.tr.action_unit
-        elif self.late is not None:
-            times = np.array(by_times(at)) / at.tr.action_unit
+        if self.times_border is not None or self.late is not None:
+            times = by_times(at) / at.tr.action_unit
         else:
             times = np.zeros(len(at.tr.joints))
         return Gradient(at.tr.residual(at.z).copy(), times)
@@ -401,6 +399,16 @@ class Bordered:
         found = np.concatenate([self.first.magnitudes, np.ones(beside)])
         found[self.forces] = 0.0  # they vanish
         return found
+
+
+def equations_of(asked: Problem, at: DiscretePath) -> tuple[Bordered | Transcription, Array]:
+    """Return the equations of a path through events on its mesh, as `asked`, and its unknowns."""
+    problem, tr = at.problem, at.tr
+    if asked.is_joined:
+        known = {"times": times_of(problem), "kappa": problem.kappa if problem.kappa.size else None}
+        return Bordered.around(asked, at.path, None, tr.lengths, like=tr, **known)
+    equations = Transcription(asked, at.mesh, tr.lengths, like=tr)
+    return equations, equations.pack(at.Q, at.lam)
 
 
 def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:

@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_joint_times_twice
+from actionopt.discrete.end_times import by_times_twice
 from actionopt.discrete.integrals import integrals, integrals_by_times
 from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.surfaces import event_at, reactions, surface_at
@@ -329,7 +329,7 @@ class Times:
     def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
         """Add the derivatives by the times; `Bordered` makes those by beta of them."""
         assert bend.path is not None
-        path, times = by_joint_times_twice(at)
+        path, times = by_times_twice(at)
         bend.path[: len(path)] += path
         bend.times += times / at.tr.action_unit
         b = self.size

@@ -22,35 +22,17 @@ from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
 
 
-def by_times(at: DiscretePath) -> tuple[float, float]:
-    """Return dS/dt0 and dS/dt1 at fixed coordinates at the nodes."""
-    tr, problem, point = at.tr, at.problem, at.tr.place(at.x)
-    system, q, v = problem.system, point.at, point.v
-    _, p, L = system.pointwise("first")(q, v, tr.times, problem.packed)
-    stretch = float(np.sum(tr.weight * (L - np.sum(v * p, axis=1, keepdims=True))))
-    stretch /= problem.duration
-    if not system.structure.depends_on_time:
-        return -stretch, stretch
-    lam = at.lam if system.m else at.rows
-    by_time = explicit(system)(q, v, tr.times, problem.packed, lam[tr.layout.node_of])[0]
-    s = (tr.times - problem.start.t) / problem.duration
-    t1 = stretch + float(np.sum(tr.weight * s * by_time))
-    t0 = -stretch + float(np.sum(tr.weight * (1 - s) * by_time))
-    inner, jumps = jumps_of(at)
-    if inner:  # at rest while the times about them are stretched
-        s = (np.array(inner)[:, 1] - problem.start.t) / problem.duration
-        t1, t0 = t1 - float(s @ jumps), t0 - float((1 - s) @ jumps)
-    return t0, t1
-
-
 def jumps_of(at: DiscretePath) -> tuple[tuple[Instant, ...], Array]:
-    """Return the instants between the events at which L switches, and dS/dt of each, (K,).
+    """Return the instants between the ends at which L switches, and dS/dt of each, (K,).
 
     That is by how much H jumps there: q and p do not.
     """
     problem, path = at.problem, at.path
     start, end = problem.start.t, problem.end.t
     inner = tuple(i for i in problem.instants if start < i[0] and i[1] < end)
+    if problem.laws:  # they take turns at the events
+        times = [e.t for e in problem.through]
+        inner = tuple(i for i in inner if not any(i[0] <= t <= i[1] for t in times))
     system, parameters, jumps = problem.system, problem.parameters, []
     for before, after in inner:
         beyond = State(after, path(after), path.velocity(after))
@@ -78,23 +60,34 @@ def _explicit(system: System) -> Pointwise:
 # -- the times of all events ----------------------------------------------------------------------
 
 
-def by_joint_times(at: DiscretePath) -> Array:
+def by_times(at: DiscretePath) -> Array:
     """Return dS/dt at fixed coordinates at the nodes by the times of all events, (k + 2,).
 
     A leg over [a, a + T] has S_a = sum w L_t and S_T = (1/T) sum w (L - v.p) + sum w s L_t at times
-    a + s T. Switches of laws stand at the events and move with them.
+    a + s T. Where laws take turns they do so at the events; other switches of the clock stay where
+    they are. With constraints L stands for L + sum lam f.
     """
     leg, s, T, first = measure_legs(at)
     q, v, parts = first
     _, p, L = parts
-    own = at.tr.weight[:, 0] * (L[:, 0] - np.sum(v * p, axis=1)) / T[leg]
-    by_a = np.zeros(T.size)
-    system = at.problem.system
+    tr, system, packed = at.tr, at.problem.system, at.problem.packed
+    own = tr.weight[:, 0] * (L[:, 0] - np.sum(v * p, axis=1)) / T[leg]
+    by_T, by_a = np.bincount(leg, own, T.size), np.zeros(T.size)
     if system.structure.depends_on_time:
-        rate = system.pointwise("rate")(q, v, at.tr.times, at.problem.packed)[0][:, 0]
-        rate = rate * at.tr.weight[:, 0]
-        own, by_a = own + s * rate, np.bincount(leg, rate, T.size)
-    return by_events(by_a, np.bincount(leg, own, T.size))
+        if system.m:
+            rate = explicit(system)(q, v, tr.times, packed, at.lam[tr.layout.node_of])[0]
+        else:
+            rate = system.pointwise("rate")(q, v, tr.times, packed)[0]
+        rate = rate[:, 0] * tr.weight[:, 0]
+        by_T, by_a = by_T + np.bincount(leg, s * rate, T.size), np.bincount(leg, rate, T.size)
+    if at.problem.instants:  # at rest while the times about them are stretched
+        inner, jumps = jumps_of(at)
+        since = tr.mesh.nodes_since[tr.joints]
+        for (_, t), jump in zip(inner, jumps.tolist(), strict=True):
+            k = int(np.searchsorted(since[1:-1], t - at.problem.start.t))
+            by_a[k] -= jump
+            by_T[k] -= jump * (t - at.problem.start.t - since[k]) / T[k]
+    return by_events(by_a, by_T)
 
 
 def by_events(by_a: Array, by_T: Array) -> Array:
@@ -121,7 +114,7 @@ def measure_legs(at: DiscretePath) -> tuple[NDInt, Array, Array, tuple[Array, Ar
     return leg, s, T, (point.at, point.v, [x.copy() for x in first])
 
 
-def by_joint_times_twice(at: DiscretePath) -> tuple[Array, Array]:
+def by_times_twice(at: DiscretePath) -> tuple[Array, Array]:
     """Return how dS/dx, (unknowns, k + 2), and dS/dt, (k + 2, k + 2), change with all times.
 
     In units of action by the first, of action over time by the second. Of one leg, with rates v,

@@ -29,7 +29,7 @@ def integrals(at: DiscretePath) -> tuple[Array, Array]:
 
 
 def integrals_by_times(at: DiscretePath) -> Array:
-    """Return how they change with the times of the events, (c, k + 2), as `by_joint_times` does."""
+    """Return how they change with the times of the events, (c, k + 2), as `by_times` does."""
     leg, s, T, (_, v, _) = measure_legs(at)
     g, _, by_v, by_t = _at_nodes(at)
     w, found = at.tr.weight[:, 0], []
