@@ -5,6 +5,7 @@ import json
 import pickle
 import zipfile
 from copy import deepcopy
+from typing import Any
 
 import numpy as np
 import pytest
@@ -170,6 +171,49 @@ def test_free_ends_and_arrays_of_parameters_come_back(tmp_path):
     assert loaded.problem.start.q == (1.0, None) and loaded.problem.end.q == (None, 0.5)
     assert_same(loaded, solution)
     assert_same_physics(loaded, solution)
+
+
+def _through():
+    """A ball off a moving floor of given slope, a time to be found; and refraction."""
+    ball = System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
+    floor = ao.Bounce(lambda q, t, *, slope: q[1] - slope * q[0] - 0.1 * t)
+    ends = Event(0, [0, 1]), Event(2, [1, 0.7])
+    yield Problem(ball, *ends, through=[floor], parameters={"slope": 0.1}), ball
+    media: Any = [System(lambda q, v, t, n=n: n**2 * (v @ v) / 2, ["x", "y"]) for n in (1.0, 1.5)]
+    step = Event(None, None, on=lambda q, t: q[1])
+    yield Problem(media, Event(0, [0, 1]), Event(1, [2, -1]), through=[step]), media
+    yield Problem(ball, *ends, through=[Event(0.5, [0.1, None]), Event(1, [0.4, 0.2])]), ball
+
+    def ds(q, v, t):
+        return np.sqrt(1 + v[0] ** 2)
+
+    rope = System(lambda q, v, t: q[0] * ds(q, v, t), ["y"], integral=ds)
+    yield Problem(rope, Event(0, [0]), Event(2, [0.4]), integral=2.6), rope
+
+
+@pytest.mark.parametrize(("problem", "system"), [*_through()])
+def test_events_between_the_ends_and_integrals_come_back(problem, system, tmp_path):
+    file, solution = tmp_path / "through.npz", ao.solve(problem)
+    solution.save(file)
+    alone = ao.load(file)
+    assert_same(alone, solution)
+    assert len(alone.legs) == len(problem.through) + 1
+    alone.save(file)
+    loaded = ao.load(file, system)
+    assert_same(loaded, solution)
+    assert_same_physics(loaded, solution)
+    assert loaded.impulses == pytest.approx(solution.impulses, abs=1e-12)
+    assert loaded.integral_multipliers.tolist() == solution.integral_multipliers.tolist()
+    for mine, other in zip(loaded.problem.joints, solution.problem.joints, strict=True):
+        assert (type(mine), mine.t, mine.q) == (type(other), other.t, other.q)
+    again = ao.solve(loaded.problem.replace(), guess=loaded)
+    assert again.action == pytest.approx(solution.action, abs=1e-9)
+    with np.load(file) as arrays:
+        data = dict(arrays)
+    data["values"][:, solution.mesh.offsets[solution.mesh.elements // 2]] += 1e-3
+    np.savez(file, **data)
+    with pytest.raises(ValueError, match=r"damaged|the system of the file, whose action"):
+        ao.load(file, system)
 
 
 # -- the file itself ------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.events import Event, Periodic, Phase, Tail
+from actionopt.mechanics.events import Bounce, Event, Periodic, Phase, Tail
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
@@ -53,7 +53,8 @@ def save(
         "system": problem.name,
         "coordinates": known.coordinates,
         "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
-        "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
+        "events": [[e.t, list(e.q)] for e in problem.joints_found],
+        "integral": problem.integral,
         "advance": None if problem.advance is None else list(problem.advance),
         "relabel": getattr(problem.end, "relabel", None),
         **({} if problem.asked is None else {"asked": asked_of(problem)}),
@@ -65,15 +66,21 @@ def save(
 
 
 def asked_of(problem: Problem | Detached) -> dict[str, Any]:
-    """Return which times were to be found, at which energy, and which events lay on surfaces."""
+    """Return which times were to be found, at which energy, and which events lay on surfaces.
+
+    Of these events the law and what they give, and whether they are reflections.
+    """
     asked = problem.asked
     if isinstance(asked, dict):
         return asked
     assert asked is not None
-    ends = asked.start, asked.end
-    found = {"free": [e.t is None for e in ends], "energy": asked.energy}
-    if asked.on_surface:
-        found["on"] = [None if e.on is None else [e.on.law.serialize(), e.q] for e in ends]
+    joints = asked.joints_found
+    found = {"free": [e.t is None for e in joints], "energy": asked.energy}
+    if any(e.on is not None for e in joints):
+        found["on"] = [
+            None if e.on is None else [e.on.law.serialize(), e.q, isinstance(e, Bounce)]
+            for e in joints
+        ]
     return found
 
 
@@ -103,8 +110,10 @@ class Detached:
 
     def __init__(self, about: dict[str, Any]) -> None:
         self.name, self.coordinates = about["system"] or "problem", tuple(about["coordinates"])
-        (t0, q0), (t1, q1) = about["events"]
+        (t0, q0), *between, (t1, q1) = about["events"]
         self.start, self.end = Event(t0, q0), Event(t1, q1)
+        self.through = tuple(Event(t, q) for t, q in between)
+        self.integral: tuple[float, ...] | None = about.get("integral")  # an older file has none
         if about.get("tails") is not None:  # an older file has none
             ends = [
                 Event(t, q) if tail is None else _edge(t, *tail)
@@ -122,6 +131,11 @@ class Detached:
         self.asked: dict[str, Any] | None = about.get("asked")
         energy = None if self.asked is None else self.asked["energy"]
         self.energy: float | None = None if energy is None else float(energy)
+
+    @property
+    def joints_found(self) -> tuple[Event, ...]:
+        """The start, the events between and the end."""
+        return (self.start, *self.through, self.end)
 
     @property
     def advance(self) -> Array | None:

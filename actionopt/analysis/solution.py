@@ -20,6 +20,7 @@ from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
 from actionopt.discrete.action import ActionUnits
+from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.mesh import Mesh
@@ -27,7 +28,6 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.events import Event, State, Tail
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
@@ -181,11 +181,10 @@ class Solution:
     @cached_property
     def legs(self) -> tuple[Path, ...]:
         """The parts of the path between the events that it passes, k + 1 of them."""
-        mesh, tr = self.mesh, self.discrete.tr
-        at = np.searchsorted(mesh.offsets, tr.joints)
-        degrees = np.array(mesh.degrees)
+        mesh, degrees = self.mesh, np.array(self.mesh.degrees)
+        inner = find_boundaries(mesh, np.array([e.t for e in self.problem.through]))
         found = []
-        for a, b in pairwise(at.tolist()):
+        for a, b in pairwise([0, *inner.tolist(), mesh.elements]):
             part = Mesh(mesh.boundaries[a : b + 1], degrees[a:b])
             nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
             found.append(Path(part, self.path.values[:, nodes]))
@@ -500,7 +499,6 @@ class Solution:
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
-        check_whole(self.problem, "what is kept in a file")
         save(
             file,
             self.problem,

@@ -8,6 +8,7 @@ loading.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, cast
@@ -19,13 +20,15 @@ from actionopt import scenes
 from actionopt.analysis.saved import ARRAYS, SOLUTION_FORMAT, Detached
 from actionopt.analysis.solution import Ends, Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.events import Event, State
+from actionopt.mechanics.course import SWITCHES
+from actionopt.mechanics.events import Bounce, Event, State
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem
 from actionopt.mechanics.surface import Surface
-from actionopt.mechanics.system import System
+from actionopt.mechanics.system import MULTIPLIERS, System
 from actionopt.tools.types import Array
 
 # What a file must say twice, relative to its size. Ad hoc: far above the round-off of another
@@ -36,16 +39,16 @@ SAME_EVALUATION, SAME_ENDS = 1e-9, 1e-6
 SLOPE_ERROR, SLOPE_SAFETY = 0.1, 10.0
 
 
-def load(file: str | FilePath, system: System | str | None = None) -> Solution:
+def load(file: str | FilePath, system: System | Sequence[System] | str | None = None) -> Solution:
     """Read a solution that `save` wrote.
 
     Parameters
     ----------
     file : str or path
-    system : System or str, optional
-        The system, or the name of the scene it belongs to. Without it a scene is looked up by
-        the name in the file; if there is none, the path, the ends and the verdict are there
-        but quantities that need the Lagrangian raise ValueError.
+    system : System, sequence of System, or str, optional
+        The system, those of the legs, or the name of the scene it belongs to. Without it a scene is
+        looked up by the name in the file; if there is none, the path, the ends and the verdict are
+        there but quantities that need the Lagrangian raise ValueError.
 
     Raises
     ------
@@ -55,7 +58,8 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
         If it is damaged or was not written by `save`, its numbers contradict one another, or the
         system's coordinates or parameters are not those in the file.
     """
-    if not (system is None or isinstance(system, (System, str))):
+    several = isinstance(system, Sequence) and all(isinstance(x, System) for x in system)
+    if not (system is None or isinstance(system, (System, str)) or several):
         raise ValueError(f"expected a System or the name of a scene, found {system!r}")
     try:
         found = _read(FilePath(file))
@@ -133,13 +137,15 @@ def _check_ends(solution: Solution) -> None:
     """Raise ValueError if a path does not begin and end at its events, or close as it should."""
     problem, mesh, values = solution.problem, solution.mesh, solution.path.values
     times = np.array([problem.start.t, problem.end.t])
+    joints = problem.joints_found
+    inner = find_boundaries(mesh, np.array([e.t for e in joints[1:-1]]))
     if not np.all(np.abs(mesh.boundaries[[0, -1]] - times) <= SAME_EVALUATION * problem.duration):
         raise ValueError(
             f"expected a path from t = {times[0]} to {times[1]}, the times of its events, found "
             f"one from {mesh.boundaries[0]} to {mesh.boundaries[-1]}"
         )
     off = SAME_EVALUATION * np.max(np.abs(values), axis=1)
-    for k, event in ((0, problem.start), (-1, problem.end)):
+    for k, event in zip(mesh.offsets[[0, *inner, -1]], joints, strict=True):
         for i in event.pinned:
             if not abs(values[i, k] - cast(float, event.q[i])) <= off[i]:
                 raise ValueError(
@@ -229,6 +235,31 @@ def _ends(path: Path, velocities: Array, momenta: Array) -> Ends:
     return Ends((start, end), (p0, p1))
 
 
+def _question(known: Detached, system: System | Sequence[System]) -> Problem:
+    """Return the problem of a file, its system given, with what was found in it."""
+    found, asked = known.joints_found, known.asked
+    given = {k: x for k, x in known.parameters.items() if k not in (SWITCHES, MULTIPLIERS)}
+    events = list(found)
+    if asked is not None:
+        surfaces = asked.get("on", [None] * len(found))  # an older file has none
+        events = [_event_asked(known, *x) for x in zip(found, asked["free"], surfaces, strict=True)]
+    question = Problem(
+        system,  # type: ignore[arg-type]
+        events[0],
+        events[-1],
+        parameters=given,
+        energy=known.energy,
+        through=events[1:-1],
+        integral=known.integral,
+    )
+    if asked is None:
+        return question
+    q = [e.q for e in found]
+    if known.through or known.integral is not None:
+        return question.found_at([e.t for e in found], q, known.parameters.get(MULTIPLIERS))
+    return question.with_times(known.start.t, known.end.t, np.array(q))
+
+
 def _event_asked(known: Detached, event: Event, free: bool, on: list[Any] | None) -> Event:
     """Return an event as it was asked for, from the one that was found.
 
@@ -237,10 +268,11 @@ def _event_asked(known: Detached, event: Event, free: bool, on: list[Any] | None
     t = None if free else event.t
     if on is None:
         return event.at(t)
-    law, q = on
+    law, q, *bounces = on  # an older file has no reflections
     shapes = {name: np.shape(x) for name, x in known.parameters.items()}
     try:
-        return Event(t, q, on=Surface(ca.Function.deserialize(law), shapes))
+        surface = Surface(ca.Function.deserialize(law), shapes)
+        return Bounce(surface, t, q) if any(bounces) else Event(t, q, on=surface)
     except RuntimeError as error:
         raise ValueError(
             f"expected the surface of an event that CasADi {ca.CasadiMeta.version()} can read, "
@@ -248,7 +280,7 @@ def _event_asked(known: Detached, event: Event, free: bool, on: list[Any] | None
         ) from error
 
 
-def _problem(found: Solution, system: System | str | None) -> Problem | None:
+def _problem(found: Solution, system: System | Sequence[System] | str | None) -> Problem | None:
     """Return the problem of a solution whose system is given, or is the scene of the same name.
 
     None where there is no such scene. Raises ValueError for the wrong system.
@@ -262,22 +294,17 @@ def _problem(found: Solution, system: System | str | None) -> Problem | None:
     if system is None:
         return None
     try:
-        if system.coordinates != known.coordinates:
-            raise ValueError(
-                f"expected a system of the coordinates {', '.join(known.coordinates)} in the "
-                f"file, found {', '.join(system.coordinates)}"
-            )
-        if known.asked is None:
-            problem = Problem(system, known.start, known.end, parameters=known.parameters)
-        else:
-            free, energy, ends = known.asked["free"], known.energy, (known.start, known.end)
-            surfaces = known.asked.get("on", [None, None])  # an older file has none
-            events = [_event_asked(known, *x) for x in zip(ends, free, surfaces, strict=True)]
-            question = Problem(system, *events, parameters=known.parameters, energy=energy)
-            found_at = np.array([e.q for e in ends])
-            problem = question.with_times(known.start.t, known.end.t, found_at)
+        for one in [system] if isinstance(system, System) else system:
+            if one.coordinates != known.coordinates:
+                raise ValueError(
+                    f"expected a system of the coordinates {', '.join(known.coordinates)} in the "
+                    f"file, found {', '.join(one.coordinates)}"
+                )
+        problem = _question(known, system)
         tr = Transcription(problem, found.mesh, problem.lengths)
         action, S = tr.action_and_gradient(found.path.values.T)[0], found.action
+        if problem.integral is not None:
+            action -= float(problem.kappa @ np.array(problem.integral))
         # A failed attempt may have an infinite one, or none.
         alike = action == S or (np.isnan(action) and np.isnan(S))
         if not (alike or abs(action - S) <= SAME_EVALUATION * max(abs(S), tr.action_unit)):
