@@ -19,9 +19,10 @@ from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, condense, tangent
 from actionopt.discrete.bordered import equations_of
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_times, explicit, jumps_of
+from actionopt.discrete.end_times import by_times, jumps_of
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.layout import BorderedLayout, border_matrix
+from actionopt.discrete.stretch import explicit
 from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.held import Held

@@ -376,17 +376,28 @@ class Action:
         if system.structure.forced:
             contribution += self.weight * system.pointwise("force")(at, v, self.times, p)[0]
             self.counts["force"] += 1
-        for g in layout.groups:
-            local = Lv[g.span].reshape(*g.nodes.shape, -1)
+        self.add_work(contribution, Lv)
+        gradient = np.bincount(layout.scatter, contribution.ravel(), layout.node_count * system.n)
+        return float(self.weight[:, 0] @ L[:, 0]), gradient, contribution
+
+    def add_work(self, found: Array, p: Array) -> Array:
+        """Add D' w p, what momenta p work at the nodes of their elements; both (evaluations, n)."""
+        for g in self.layout.groups:
+            local = p[g.span].reshape(*g.nodes.shape, -1)
             # A constant momentum works at the element's ends only: taken out of the sum, its
             # round-off stays out of the nodes between.
             constant = local[:, 0]
             work = by_each(g.rule.weighted_derivative.T, local - local[:, :1])
             work[:, 0] -= constant
             work[:, -1] += constant
-            contribution[g.span] += work.reshape(-1, at.shape[1])
-        gradient = np.bincount(layout.scatter, contribution.ravel(), layout.node_count * system.n)
-        return float(self.weight[:, 0] @ L[:, 0]), gradient, contribution
+            found[g.span] += work.reshape(-1, p.shape[1])
+        return found
+
+    def at_unknowns(self, parts: Array) -> Array:
+        """Return the sums (unknowns,) of what stands at the evaluations, (evaluations, n)."""
+        layout = self.layout
+        whole = np.bincount(layout.scatter, parts.ravel(), layout.node_count * parts.shape[1])
+        return self.free_part(whole)
 
     def action(self, x: Array) -> float:
         """Return S in its own unit."""

@@ -17,9 +17,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_times_twice
 from actionopt.discrete.integrals import integrals, integrals_by_times
-from actionopt.discrete.stretch import Stretch
+from actionopt.discrete.stretch import Stretch, joint_rates
 from actionopt.discrete.surfaces import event_at, reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
@@ -186,10 +185,10 @@ class Duration:
 
     def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
         """Return the derivatives by log T, of a system without a clock."""
-        stretch, since = Stretch(at), at.mesh.since
-        column = stretch.residual(since, stretch.parts(since))[:, None]
-        own = stretch.longer_by_time(since) + self._energy(at) * at.mesh.duration
-        return Edges(column, column.T, np.array([[own]]))
+        stretch = Stretch(at, at.mesh.since[None])
+        column = stretch.residuals()
+        own = (stretch.twice() + stretch.slopes()) / at.tr.action_unit
+        return Edges(column, column.T, own + self._energy(at) * at.mesh.duration)
 
 
 # -- the times of several events ------------------------------------------------------------------
@@ -329,9 +328,9 @@ class Times:
     def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
         """Add the derivatives by the times; `Bordered` makes those by beta of them."""
         assert bend.path is not None
-        path, times = by_times_twice(at)
-        bend.path[: len(path)] += path
-        bend.times += times / at.tr.action_unit
+        stretch = Stretch(at, joint_rates(at.tr))
+        bend.path += stretch.residuals()
+        bend.times += stretch.twice() / at.tr.action_unit
         b = self.size
         empty = np.zeros((at.tr.layout.size, b))
         return Edges(empty, empty.T, np.zeros((b, b)))

@@ -62,7 +62,7 @@ def tangential(
     """
     tr, count = equations.at(z), times.size
     at = DiscretePath(tr, z[: tr.layout.size])
-    held, stretch = tr.problem, Stretch(at)
+    held = tr.problem
     assert isinstance(held, Held)
     knots, where = np.union1d(held.fixed_times, times), np.searchsorted(held.fixed_times, times)
     # All times from one on move, so that a short part behind it keeps its length.
@@ -70,26 +70,25 @@ def tangential(
     rates = np.zeros((count, knots.size))
     rates[:, np.searchsorted(knots, times)] = shifted.T
     rates = np.array([np.interp(tr.mesh.boundaries, knots, rate) for rate in rates])
-    parts = [stretch.parts(rate) for rate in rates]
-    longer = None  # the number of log T, and what it changes
-    if isinstance(equations, Bordered) and equations.late is not None:
-        since = tr.mesh.boundaries - tr.mesh.boundaries[equations.resting]
-        longer = equations.late, since, stretch.parts(since)
+    late = None
+    if isinstance(equations, Bordered) and equations.late is not None:  # with log T as well
+        late, rest = equations.late, tr.mesh.boundaries[equations.resting]
+        rates = np.vstack([rates, tr.mesh.boundaries - rest])
+    stretch = Stretch(at, rates)
     try:
         factors = Factors(equations.layout, equations.kkt(z), many=True)
         step = factors.solve(force - equations.residual(z))
         moves = np.zeros((z.size, count))
-        for j, (rate, part) in enumerate(zip(rates, parts, strict=True)):
-            moves[: tr.layout.size, j] = stretch.residual(rate, part)
-            if longer is not None:
-                moves[longer[0], j] = stretch.longer_by_time(rate)
-            moves[:, j] = -factors.solve(moves[:, j])
+        moves[: tr.layout.size] = stretch.residuals()[:, :count]
+        if late is not None:
+            moves[late] = (stretch.twice()[-1] + stretch.slopes())[:count] / tr.action_unit
+        moves = -np.stack([factors.solve(move) for move in moves.T], axis=1)
         slopes = []
         for slip in slips(at):
-            own = [slip.by_time(rate, part) for rate, part in zip(rates, parts, strict=True)]
-            slope = slip.by_path(at, stretch.second) @ moves[: tr.layout.unknowns] + own
-            if longer is not None:
-                slope += slip.by_time(*longer[1:]) * moves[longer[0]]
+            own = slip.by_times(stretch)
+            slope = slip.by_path(at, stretch.second) @ moves[: tr.layout.unknowns] + own[:count]
+            if late is not None:
+                slope += own[-1] * moves[late]
             slopes.append(slope)
         there = DiscretePath(equations.at(z + step), (z + step)[: at.z.size])
         left = np.array([slip.value for slip in slips(there)])
@@ -139,10 +138,10 @@ class Slip(NamedTuple):
     by_q: Array
     by_t: float
 
-    def by_time(self, rates: Array, parts: Array) -> float:
-        """Return its derivative as boundaries move at `rates`; `parts` as `Stretch` has them."""
-        by_p = float(self.by_p @ parts[self.span.start + self.node])
-        return by_p + self.by_t * float(rates[self.boundary])
+    def by_times(self, stretch: Stretch) -> Array:
+        """Return its derivatives as boundaries move, (J,)."""
+        by_p = stretch.parts[:, self.span.start + self.node] @ self.by_p
+        return by_p + self.by_t * stretch.rates[:, self.boundary]
 
     def by_path(self, at: DiscretePath, second: list[Array]) -> Array:
         """Return its derivative by x, (unknowns,), from the second derivatives of L.

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_events, measure_legs
+from actionopt.discrete.stretch import Stretch, joint_rates
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
@@ -14,30 +14,19 @@ from actionopt.tools.types import Array
 
 def integrals(at: DiscretePath) -> tuple[Array, Array]:
     """Return the integrals of the system's `integral`, (c,), and their slopes, (c, unknowns)."""
-    tr, layout = at.tr, at.tr.layout
+    tr = at.tr
     g, by_q, by_v, _ = _at_nodes(at)
-    c, n = g.shape[1], at.problem.system.n
-    slopes = np.zeros((c, layout.unknowns))
-    for i in range(c):
-        change = tr.weight * by_q[:, i]
-        for group in layout.groups:
-            local = by_v[group.span, i].reshape(*group.nodes.shape, n)
-            change[group.span] += (group.rule.weighted_derivative.T @ local).reshape(-1, n)
-        whole = np.bincount(layout.scatter, change.ravel(), layout.node_count * n)
-        slopes[i] = tr.free_part(whole) * tr.action_unit
+    slopes = np.zeros((g.shape[1], tr.layout.unknowns))
+    for i, slope in enumerate(slopes):
+        slope[:] = tr.at_unknowns(tr.add_work(tr.weight * by_q[:, i], by_v[:, i])) * tr.action_unit
     return tr.weight[:, 0] @ g, slopes
 
 
 def integrals_by_times(at: DiscretePath) -> Array:
-    """Return how they change with the times of the events, (c, k + 2), as `by_times` does."""
-    leg, s, T, (_, v, _) = measure_legs(at)
+    """Return how they change with the times of the events, (c, k + 2), as the action does."""
+    times = Stretch(at, joint_rates(at.tr))
     g, _, by_v, by_t = _at_nodes(at)
-    w, found = at.tr.weight[:, 0], []
-    for i in range(g.shape[1]):
-        own = w * (g[:, i] - np.sum(v * by_v[:, i], axis=1)) / T[leg] + s * w * by_t[:, i]
-        by_start = np.bincount(leg, w * by_t[:, i], T.size)
-        found.append(by_events(by_start, np.bincount(leg, own, T.size)))
-    return np.array(found)
+    return np.array([times.sums(g[:, i], by_v[:, i], by_t[:, i]) for i in range(g.shape[1])])
 
 
 def _at_nodes(at: DiscretePath) -> tuple[Array, Array, Array, Array]:

@@ -1,96 +1,191 @@
-"""How the discrete equations change as the boundaries of elements move in time.
+"""How the action and its equations change as the boundaries of elements move in time.
 
 The nodes keep their unknowns and their fractions s of the elements. Where a boundary moves at the
 rate b, an element's length h at the rate h' = b_1 - b_0, velocities change by -v h' / h, times by
-t' = b_0 + s h', and with them what the element's equations are made of:
+t' = b_0 + s h', and with them the action and what its gradient is made of, p = L_v:
 
-    d(h L_q) = h (L_q - L_qv v) h' / h + h L_qt t',    d(L_v) = -L_vv v h' / h + L_vt t'.
+    dS = sum w [(L - v.p) h' / h + L_t t'],
+    d(w L_q) = w (L_q - L_qv v) h' / h + w L_qt t',    d(L_v) = -L_vv v h' / h + L_vt t',
+    d2S = sum w [v.L_vv v (h' / h)^2 + 2 (L_t - v.p_t) t' h' / h + L_tt t'^2].
 """
 
 from __future__ import annotations
 
+from functools import cached_property
+
+import casadi as ca
 import numpy as np
 
+from actionopt.discrete.action import Action
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
 
 class Stretch:
-    """The derivatives of a path's equations by the times of the boundaries, at fixed unknowns.
+    """The derivatives of the action and of a path's equations as boundaries move, z kept.
 
     Parameters
     ----------
     at : DiscretePath
         Of a system without non-conservative forces.
+    rates : (J, N + 1) array
+        At which the boundaries of the elements move with each of J times.
     """
 
-    def __init__(self, at: DiscretePath) -> None:
-        tr, system = at.tr, at.problem.system
-        self.at, point, groups = at, tr.place(at.x), tr.layout.groups
-        if not system.structure.steady:  # they are asked for again
-            point.second = [x.copy() for x in tr.second(at.x)]
-        self.second = tr.second(at.x)
-        state, v = (point.at, point.v, tr.times, at.problem.packed), point.v
-        self.element = np.concatenate([np.repeat(g.elements, g.rule.degree + 1) for g in groups])
-        self.timed = system.structure.depends_on_time
-        pointwise = system.pointwise("second")
-        mixed = pointwise.product(1, self.second[1], v)
-        mass = pointwise.product(2, self.second[2], v, symmetric=True)
-        force, p, L = system.pointwise("first")(*state)
-        self.own = tr.weight * (L + np.sum(v * (mass - p), axis=1, keepdims=True))
-        self.longer = tr.weight * (force - mixed) - self._work(mass)
-        self.longer /= tr.mesh.lengths[self.element, None]
-        if self.timed:
-            self.later = [x.copy() for x in system.pointwise("first_rate")(*state)]
-            self.fraction = tr.times[:, 0] - tr.mesh.boundaries[self.element]
-            self.fraction /= tr.mesh.lengths[self.element]
+    def __init__(self, at: DiscretePath, rates: Array) -> None:
+        tr = at.tr
+        self.at, self.rates, self.weight = at, rates, tr.weight[:, 0]
+        self.timed = at.problem.system.structure.depends_on_time
+        parts = [np.repeat(g.elements, g.rule.degree + 1) for g in tr.layout.groups]
+        self._element = np.concatenate(parts)
+        # h' / h at the evaluations, (J, evaluations)
+        self.longer = (np.diff(rates) / tr.mesh.lengths)[:, self._element]
 
-    def _work(self, p: Array) -> Array:
-        """Return what momenta (evaluations, n) work at the nodes of their elements."""
-        found = np.empty_like(p)
-        for g in self.at.tr.layout.groups:
-            local = p[g.span].reshape(*g.nodes.shape, -1)
-            found[g.span] = (g.rule.weighted_derivative.T @ local).reshape(-1, p.shape[1])
-        return found
-
-    def _times(self, rates: Array) -> Array:
-        """Return how times change at the evaluations, (evaluations, 1)."""
-        change = rates[self.element] + self.fraction * np.diff(rates)[self.element]
-        return change[:, None]
-
-    def parts(self, rates: Array) -> Array:
-        """Return how dS/dq of the elements changes, (evaluations, n), as boundaries (N + 1,) do."""
-        found = self.longer * np.diff(rates)[self.element, None]
-        if self.timed:
-            t, (force, momentum) = self._times(rates), self.later
-            found += self.at.tr.weight * t * force + self._work(t * momentum)
-        return found
-
-    def longer_by_time(self, rates: Array) -> float:
-        """Return d2S/d(log T) of a direction in which boundaries (N + 1,) move, without a clock.
-
-        In units of action: the sum of w (L - v.p + v.L_vv v) h' / h.
-        """
+    @cached_property
+    def later(self) -> Array:
+        """How times change at the evaluations, t', (J, evaluations)."""
         tr = self.at.tr
-        part = (np.diff(rates) / tr.mesh.lengths)[self.element]
-        return float(part @ self.own[:, 0]) / tr.action_unit
+        since = tr.mesh.nodes_since[tr.layout.node_of] - tr.mesh.since[self._element]
+        return self.rates[:, self._element] + since * self.longer
 
-    def residual(self, rates: Array, parts: Array) -> Array:
-        """Return how the residual changes, (size,); `parts` are those of the rates."""
+    @cached_property
+    def _state(self) -> tuple[Array, Array, Array, Array]:
+        """q, v (evaluations, n) and t (evaluations, 1), and the parameters."""
+        point = self.at.tr.place(self.at.x)
+        return point.at, point.v, self.at.tr.times, self.at.problem.packed
+
+    @cached_property
+    def _first(self) -> list[Array]:
+        """L_q, p and L."""
+        return [x.copy() for x in self.at.problem.system.pointwise("first")(*self._state)]
+
+    @cached_property
+    def second(self) -> list[Array]:
+        """The nonzeros of the second derivatives of L."""
+        at, tr = self.at, self.at.tr
+        point = tr.place(at.x)
+        if not at.problem.system.structure.steady:  # they are asked for again
+            point.second = [x.copy() for x in tr.second(at.x)]
+        return tr.second(at.x)
+
+    @cached_property
+    def _products(self) -> tuple[Array, Array]:
+        """L_qv v and L_vv v."""
+        pointwise, v = self.at.problem.system.pointwise("second"), self._state[1]
+        mixed = pointwise.product(1, self.second[1], v).copy()
+        return mixed, pointwise.product(2, self.second[2], v, symmetric=True).copy()
+
+    @cached_property
+    def _clock(self) -> list[Array]:
+        """L_qt, p_t, L_t and L_tt."""
+        system = self.at.problem.system
+        made = system.memoize("clocked", lambda: _clock_derivatives(system))
+        return [x.copy() for x in made(*self._state)]
+
+    def sums(self, L: Array, p: Array, by_t: Array | float) -> Array:
+        """Return how sum w L changes, (J,), for L, its derivatives p by v and by t."""
+        change = self.longer @ (self.weight * (L - np.sum(self._state[1] * p, axis=1)))
+        return change + self.later @ (self.weight * by_t) if self.timed else change
+
+    def slopes(self) -> Array:
+        """Return dS, (J,), in the user's units; with constraints L stands for L + sum lam f."""
+        _, p, L = self._first
+        by_t = 0.0
+        if self.timed:
+            at, system = self.at, self.at.problem.system
+            if system.m:
+                lam = at.lam[at.tr.layout.node_of]
+                by_t = explicit(system)(*self._state, lam)[0][:, 0].copy()
+            else:
+                by_t = system.pointwise("rate")(*self._state)[0][:, 0].copy()
+        return self.sums(L[:, 0], p, by_t)
+
+    @cached_property
+    def parts(self) -> Array:
+        """How dS/dq of the elements changes, (J, evaluations, n)."""
+        tr, (force, _, _), (mixed, mass) = self.at.tr, self._first, self._products
+        own = tr.add_work(tr.weight * (force - mixed), -mass)
+        found = self.longer[:, :, None] * own
+        # The work of L_vv v h' / h is that of L_vv v, times h' / h of the element.
+        if self.timed:
+            by_q, by_v = self._clock[:2]
+            for part, later in zip(found, self.later[:, :, None], strict=True):
+                tr.add_work(part, later * by_v)
+                part += tr.weight * later * by_q
+        return found
+
+    def residuals(self) -> Array:
+        """Return how the residual of the path's equations changes, (size, J)."""
         tr, layout = self.at.tr, self.at.tr.layout
+        found = np.zeros((layout.size, len(self.rates)))
+        for j, part in enumerate(self.parts):
+            found[: layout.unknowns, j] = tr.at_unknowns(part)
+        if self.timed and layout.rows:
+            self._add_rows(found)
+        return found
+
+    def _add_rows(self, found: Array) -> None:
+        """Add what the constraints change by, and with them the forces that keep them."""
+        at, tr, layout = self.at, self.at.tr, self.at.tr.layout
         n, m = tr.problem.system.n, tr.problem.system.m
-        whole = np.bincount(layout.scatter, parts.ravel(), layout.node_count * n)
-        if not (self.timed and layout.rows):
-            return np.concatenate([tr.free_part(whole), np.zeros(layout.rows)])
-        t = np.empty((layout.node_count, 1))
-        t[layout.node_of] = self._times(rates)
-        t = t[layout.row_nodes]
-        Q, times = self.at.Q[layout.row_nodes], tr.row_times
+        Q, times = at.Q[layout.row_nodes], tr.row_times
         lam = np.zeros(layout.row_nodes.size * m)
         units = tr.row_units[layout.row_constraint]
-        lam[layout.row_select] = self.at.z[layout.unknowns : layout.size] / units * tr.action_unit
+        lam[layout.row_select] = at.z[layout.unknowns : layout.size] / units * tr.action_unit
         pointwise, packed = tr.problem.system.pointwise, tr.problem.packed
-        turned = pointwise("normal_rate")(Q, lam.reshape(-1, m), times, packed)[0]
-        np.add.at(whole.reshape(-1, n), layout.row_nodes, t * turned)
-        rows = t * pointwise("constraint_rate")(Q, times, packed)[0]
-        return np.concatenate([tr.free_part(whole), rows.ravel()[layout.row_select] / units])
+        turned = pointwise("normal_rate")(Q, lam.reshape(-1, m), times, packed)[0].copy()
+        moving = pointwise("constraint_rate")(Q, times, packed)[0].copy()
+        later = np.empty((layout.node_count, len(self.rates)))
+        later[layout.node_of] = self.later.T
+        for j, t in enumerate(later[layout.row_nodes].T[:, :, None]):
+            whole = np.zeros((layout.node_count, n))
+            np.add.at(whole, layout.row_nodes, t * turned)
+            found[: layout.unknowns, j] += tr.free_part(whole.ravel())
+            found[layout.unknowns :, j] = (t * moving).ravel()[layout.row_select] / units
+
+    def twice(self) -> Array:
+        """Return d2S, (J, J), in the user's units."""
+        v, (_, mass) = self._state[1], self._products
+        found = (self.longer * (self.weight * np.sum(v * mass, axis=1))) @ self.longer.T
+        if self.timed:
+            _, by_v, by_t, by_tt = self._clock
+            off = self.weight * (by_t[:, 0] - np.sum(v * by_v, axis=1))
+            mixed = (self.longer * off) @ self.later.T
+            found += mixed + mixed.T + (self.later * (self.weight * by_tt[:, 0])) @ self.later.T
+        return found
+
+
+def joint_rates(tr: Action) -> Array:
+    """Return the rates (k + 2, N + 1) at which boundaries move with the time of each event.
+
+    Legs are stretched between their events. Switches of laws stand at events, and move with them.
+    """
+    since = tr.mesh.since
+    joints = since[np.searchsorted(tr.mesh.offsets, tr.joints)]
+    return np.array([np.interp(since, joints, row) for row in np.eye(joints.size)])
+
+
+def explicit(system: System) -> Pointwise:
+    """Return the partial derivatives of L + sum lam f by the time and the packed parameters."""
+    return system.memoize("explicit", lambda: _explicit(system))
+
+
+def _explicit(system: System) -> Pointwise:
+    s = system.symbols
+    lam = ca.SX.sym("lam", system.m)
+    L = system.L + (ca.dot(lam, system.f) if system.m else 0)
+    by_time = ca.densify(ca.jacobian(L, s.t))
+    by_parameters = ca.densify(ca.jacobian(L, s.p).T)
+    function = ca.Function("explicit", [s.q, s.v, s.t, s.p, lam], [by_time, by_parameters])
+    return Pointwise(function)
+
+
+def _clock_derivatives(system: System) -> Pointwise:
+    """Return the function of L_qt, L_vt, L_t and L_tt."""
+    s = system.symbols
+    rate = ca.jacobian(system.L, s.t)
+    outputs = [ca.jacobian(rate, s.q).T, ca.jacobian(rate, s.v).T, rate, ca.jacobian(rate, s.t)]
+    function = ca.Function("clocked", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in outputs])
+    return Pointwise(function)

@@ -48,10 +48,7 @@ class Transcription(Action):
         mass = second.full(2, self.inertia[None], symmetric=True)[0]
         rest = self.coordinates(np.zeros(layout.unknowns))
         p = self.velocities((self.coordinates(y) - rest)[layout.node_of]) @ mass
-        for g in layout.groups:
-            work = g.rule.weighted_derivative.T @ p[g.span].reshape(*g.nodes.shape, -1)
-            p[g.span] = work.reshape(-1, p.shape[1])
-        return self.free_part(np.bincount(layout.scatter, p.ravel(), rest.size))
+        return self.at_unknowns(self.add_work(np.zeros_like(p), p))
 
     @property
     def _assembly(self):

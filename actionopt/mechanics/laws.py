@@ -276,10 +276,6 @@ class Laws:
     def _build_rate(self):
         return self._arguments, [_dense(ca.jacobian(self.L, self.symbols.t))]
 
-    def _build_first_rate(self):
-        d, t = self.derivatives, self.symbols.t
-        return self._arguments, [_dense(ca.jacobian(x, t)) for x in (d.Lq, d.Lv)]
-
     def _build_second(self):
         d = self.derivatives
         return self._arguments, [d.Lqq, d.Lqv, d.Lvv]
