@@ -149,3 +149,37 @@ def test_what_is_asked_twice_is_computed_once():
     found, solution = weakref.ref(plot.bundle_data(solution)), None
     gc.collect()
     assert found() is None
+
+
+def test_events_between_the_ends_their_surfaces_and_impulses_are_drawn():
+    """Two reflections between walls y = 0 and y = 1: arrows up and down."""
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    walls = [ao.Bounce(lambda q, t: q[1]), ao.Bounce(lambda q, t: 1 - q[1])]
+    ends = ao.Event(0, [0, 0.5]), ao.Event(1, [4, 0.5])
+    solution = ao.solve(ao.Problem(free, *ends, through=walls))
+    ax = plot.paths(solution)
+    assert drawn(ax, "reflection") == pytest.approx(np.array([[1, 3], [0, 1]]), abs=1e-9)
+    x, y = drawn(ax, "($x$, $y$)")
+    assert y.min() == pytest.approx(0, abs=1e-12)  # corners are not cut off
+    (arrows,) = [c for c in ax.collections if c.get_label() == "impulse"]
+    expected = pytest.approx(np.array([[0, 0], [1, -1]]) * 0.6, abs=1e-9)
+    assert np.array([arrows.U, arrows.V]) == expected
+    rows = [path.vertices[:, 1] for c in ax.collections for path in c.get_paths()]
+    walls = {round(abs(row[0]), 9) for row in rows if row.size and np.ptp(row) < 1e-9}
+    assert walls == {0.0, 1.0}
+    energy, momenta = plot.conserved(solution)
+    p = drawn(momenta, "$p_{y}$")
+    at = np.flatnonzero(np.isnan(p[1]))
+    assert p[0, at] == pytest.approx([0.25, 0.75])
+    assert p[1, at + 1] - p[1, at - 1] == pytest.approx(solution.impulses[:, 1])
+
+
+def test_the_areas_of_a_path_of_given_integral_are_those_of_the_action():
+    def ds(q, v, t):
+        return np.sqrt(1 + v[0] ** 2)
+
+    rope = ao.System(lambda q, v, t: q[0] * ds(q, v, t), ["y"], integral=ds)
+    solution = ao.solve(ao.Problem(rope, ao.Event(0, [0]), ao.Event(2, [0.4]), integral=3.0))
+    data = plot.energies_data(solution)
+    area = np.trapezoid(data.kinetic - data.potential, data.t)
+    assert area == pytest.approx(solution.action, rel=1e-4)

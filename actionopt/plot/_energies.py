@@ -51,8 +51,12 @@ def energies(
         if where.any():
             look: Any = {"color": colour, "alpha": 0.22, "linewidth": 0, "label": text}
             ax.fill_between(t, T, V, where=where, interpolate=True, **look)
-    ax.plot(t, T, color=style.BLUE, linewidth=2.2, label=T_text)
-    ax.plot(t, V, **style.POTENTIAL, label=V_text)
+    for values, look, text in (
+        (T, {"color": style.BLUE, "linewidth": 2.2}, T_text),
+        (V, style.POTENTIAL, V_text),
+    ):
+        ax.plot(*style.break_at_events(t, values, solution), **look, label=text)
+    style.mark_events(ax, solution)
     ax.set(xlabel=label("time $t$", units.time), ylabel=label("energy", units.energy))
     S = f"{style.number(solution.action)} {units.action}".rstrip()
     ax.set_title(f"{style.heading(solution)}: $S = \\int ({T_name} - {V_name})\\,dt$ = {S}")
@@ -81,7 +85,8 @@ def conserved(
         if flat:
             what = say("{p}, conserved" if kept else "{p}, constant\non this path", p=what)
         look = {**style.strand(i), "linewidth": 3.2 if flat else 1.6}
-        (below if i else above).plot(data.t, values, **look, label=what)
+        ax = below if i else above
+        ax.plot(*style.break_at_events(data.t, values, solution), **look, label=what)
     above.set_ylabel(label("energy function $H$", units.energy))
     below.set_ylabel(label("momenta $p$", *map(units.momentum, names)))
     below.set_xlabel(label("time $t$", units.time))
@@ -90,6 +95,7 @@ def conserved(
     for ax, least in ((above, work * data.flat[0]), (below, 0.0)):
         ax.margins(x=0)
         _no_magnified_rounding(ax, least)
+        style.mark_events(ax, solution)
         style.legend(ax, beside=True)
     return above, below
 

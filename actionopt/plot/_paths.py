@@ -6,7 +6,7 @@ them, returns them, and shows nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from matplotlib.colors import Normalize
 from matplotlib.ticker import MaxNLocator
 
 from actionopt.analysis.solution import Solution, question
+from actionopt.mechanics.events import Bounce, Event
 from actionopt.plot import _style as style
-from actionopt.plot._names import NO_UNITS, UnitNames, label, symbol
+from actionopt.plot._names import NO_UNITS, UnitNames, label, planar, symbol
 from actionopt.plot.data.along import curves, family_data, forward_values, mesh_data, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.types import Array
@@ -25,6 +26,7 @@ from actionopt.tools.words import say
 BADGE: Any = {"boxstyle": "circle,pad=0.2", "edgecolor": style.GREY}
 HALF_SHIFTS = np.array([-0.5, 0.5])
 OBSTACLE = 200  # points along each axis where an obstacle is asked: half a line's width apart
+LARGEST_IMPULSE = 0.15  # of the picture's size, the largest impulse; ad hoc
 BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 
 
@@ -54,11 +56,13 @@ def paths(
 
     Cartesian coordinates, pairs named x and y with the same ending, are drawn as orbits in the
     plane; any others against time. An obstacle is drawn where f = 0: in the plane of a path of two
-    coordinates that is an orbit, at the start, or over the time of a path of one coordinate. There
+    coordinates that is an orbit, at the start, or over the time of a path of one coordinate. So
+    are the surfaces of events, at their times; where a path bounces their other side is grey. The
+    impulses at events between the ends are arrows, in the plane of an orbit. There
     is no forward integration of a path in contact. Several solutions are drawn by `family`.
     """
     names, t = question(solution).system.coordinates, times(solution)
-    ax = style.on(ax)
+    t, ax = np.union1d(t, style.joint_times(solution)), style.on(ax)
     for x, y, what in style.traces(names, t, solution(t)):
         ax.plot(x, y, **style.PATH, label=what)
     touches = solution.problem.system.r and solution.contacts
@@ -66,19 +70,49 @@ def paths(
         forward = forward_values(solution, t)
         style.draw(ax, names, t, forward, None, say("forward integration"), **style.forward())
     style.frame(ax, solution, units)
-    if solution.problem.system.r:
-        _obstacle(ax, solution, t)
+    _impulses(ax, solution)
+    _surfaces(ax, solution, t)
     S = f"{style.number(solution.action, 8)} {units.action}".rstrip()
     ax.set_title(f"{style.heading(solution)}: $S$ = {S}")
     style.legend(ax)
     return ax
 
 
-def _obstacle(ax: Axes, solution: Solution, t: Array) -> None:
-    """Draw where f = 0, as far as the axes reach."""
-    problem, n = solution.problem, solution.problem.system.n
-    rows = style.traces(problem.system.coordinates, t, solution(t))
-    if n > 2 or len(rows) > 1:
+def _impulses(ax: Axes, solution: Solution) -> None:
+    """Draw the jumps of the momentum as arrows, the largest of a part of the picture's size."""
+    problem, jumps = solution.problem, solution.impulses
+    pairs = planar(problem.system.coordinates)
+    if not pairs or not jumps.any():
+        return
+    places = solution(style.joint_times(solution)).T
+    size = max(np.ptp(solution.path.values[list(pair)], axis=1).max() for pair in pairs)
+    scale = np.abs(jumps).max() / (LARGEST_IMPULSE * size)
+    for k, pair in enumerate(pairs):
+        at, by = places[:, list(pair)].T, jumps[:, list(pair)].T / scale
+        ends = at + by
+        ax.update_datalim(ends.T)
+        look: Any = {"color": style.VERMILION, "width": 0.007, "zorder": 4}
+        text = None if k else say("impulse")
+        ax.quiver(*at, *by, angles="xy", scale_units="xy", scale=1, label=text, **look)
+    ax.autoscale_view()
+
+
+def _surfaces(ax: Axes, solution: Solution, t: Array) -> None:
+    """Draw where obstacles and what events lie on vanish, as far as the axes reach.
+
+    The side of an obstacle, or of what a path bounces off, on which no path is, is grey.
+    """
+    problem = solution.problem
+    system, n = problem.system, problem.system.n
+    surfaces = _surfaces_of(solution)
+    if system.r:
+
+        def obstacle(q: Array, t: Array) -> Array:
+            return system.obstacle(q, t, parameters=problem.parameters)
+
+        surfaces.append((obstacle, t[0], True))
+    rows = style.traces(system.coordinates, t, solution(t))
+    if not surfaces or n > 2 or len(rows) > 1:
         return
     limits = np.array([ax.get_xlim(), ax.get_ylim()])
     reach = limits
@@ -86,14 +120,35 @@ def _obstacle(ax: Axes, solution: Solution, t: Array) -> None:
         reach = limits.mean(axis=1, keepdims=True) + np.ptp(limits, axis=1).max() * HALF_SHIFTS
     (left, right), (low, high) = reach
     x, y = np.meshgrid(np.linspace(left, right, OBSTACLE), np.linspace(low, high, OBSTACLE))
-    q, time = (y.reshape(1, -1), x.ravel()) if n == 1 else (np.stack([x.ravel(), y.ravel()]), t[0])
-    f = problem.system.obstacle(q, time, parameters=problem.parameters)
     seen = ax.dataLim.frozen()  # the axes are those of the path
-    for row in f.reshape(-1, OBSTACLE, OBSTACLE):
-        ax.contourf(x, y, row, [-np.inf, 0.0], colors=style.PALE, alpha=0.4, zorder=0)
-        ax.contour(x, y, row, [0.0], colors=style.GREY, linewidths=1.2, zorder=1)
+    for function, time, one_sided in surfaces:
+        q = y.reshape(1, -1) if n == 1 else np.stack([x.ravel(), y.ravel()])
+        f = function(q, x.ravel() if n == 1 else np.full(x.size, time))
+        for row in f.reshape(-1, OBSTACLE, OBSTACLE):
+            if one_sided:
+                ax.contourf(x, y, row, [-np.inf, 0.0], colors=style.PALE, alpha=0.4, zorder=0)
+            ax.contour(x, y, row, [0.0], colors=style.GREY, linewidths=1.2, zorder=1)
     ax.dataLim.set(seen)
     ax.autoscale_view()
+
+
+def _surfaces_of(solution: Solution) -> list[tuple[Callable[[Array, Array], Array], float, bool]]:
+    """Return what the events lie on: on(q, t), the time, and whether paths stay on one side.
+
+    Each surface once, or as often as it has moved.
+    """
+    problem, found = solution.problem, {}
+    for event, at in zip(problem.joints, problem.joints_found, strict=True):
+        if event.on is None:
+            continue
+
+        def on(q: Array, t: Array, event: Event = event) -> Array:
+            return event.on.along(q.T, t, problem.packed)[0].T
+
+        moves = event.on.depends_on_time and problem.system.n > 1
+        key = event.on.law.serialize(), at.t if moves else None, isinstance(event, Bounce)
+        found[key] = on, at.t, isinstance(event, Bounce)
+    return list(found.values())
 
 
 @style.styled

@@ -36,6 +36,7 @@ from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MaxNLocator
 
 from actionopt.analysis.solution import Solution
+from actionopt.mechanics.events import Bounce
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NO_UNITS, UnitNames, label, planar, symbol
 from actionopt.tools.types import Array
@@ -155,6 +156,11 @@ def event() -> dict[str, Any]:
     return {"color": ink(), **dot}
 
 
+def middle() -> dict[str, Any]:
+    """Return the look of an event between the ends."""
+    return {**event(), "marker": "D", "markersize": 5.5, "markerfacecolor": GREY}
+
+
 def start() -> dict[str, Any]:
     """Return the look of the start."""
     return {**event(), "markerfacecolor": paper()}
@@ -208,7 +214,7 @@ def coordinate_to_show(solution: Solution, coordinate: int | None) -> int | None
 def frame(
     ax: Axes, solution: Solution, units: UnitNames = NO_UNITS, coordinate: int | None = None
 ) -> None:
-    """Label the axes of `traces` and mark the two events."""
+    """Label the axes of `traces` and mark the events."""
     problem = solution.problem
     names = problem.system.coordinates
     for at_end, text, look in (
@@ -217,12 +223,34 @@ def frame(
     ):
         given = np.array([at_end.q], dtype=float).T  # NaN, not drawn, where it is free
         draw(ax, names, np.array([at_end.t]), given, coordinate, text, **look)
+    if problem.through:
+        bounces = all(isinstance(e, Bounce) for e in problem.joints[1:-1])
+        text, t = say("reflection") if bounces else say("event"), joint_times(solution)
+        draw(ax, names, t, solution(t), coordinate, text, **middle())
     if planar(names) and coordinate is None:
         plane(ax, names, units)
         return
     chosen = names if coordinate is None else [names[coordinate]]
     words = ", ".join(label(symbol(name), units.coordinate(name)) for name in chosen)
     ax.set(xlabel=label("time $t$", units.time), ylabel=words)
+
+
+def joint_times(solution: Solution) -> Array:
+    """Return the times of the events between the ends, (k,)."""
+    return np.array([event.t for event in solution.problem.through])
+
+
+def break_at_events(t: Array, values: Array, solution: Solution) -> tuple[Array, Array]:
+    """Return curves (..., K) against t (K,), interrupted where they may jump: at the events."""
+    inner = joint_times(solution)
+    at = np.searchsorted(t, inner)
+    return np.insert(t, at, inner), np.insert(values, at, np.nan, axis=-1)
+
+
+def mark_events(ax: Axes, solution: Solution) -> None:
+    """Draw a line at the time of each event between the ends."""
+    for t in joint_times(solution):
+        ax.axvline(t, color=GREY, linewidth=1.0, linestyle=(0, (1.5, 2)), zorder=1)
 
 
 def plane(ax: Axes, names: Sequence[str], units: UnitNames) -> None:

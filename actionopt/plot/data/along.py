@@ -107,9 +107,11 @@ def energies_data(
     """
     t, problem = times(solution, count), solution.problem
     q, v = solution(t), solution.velocity(t)
+    system = problem.plain or problem.system  # S is the integral of L alone
+    parameters = {name: problem.parameters[name] for name in system.table.shapes}
 
     def lagrangian(v: Array) -> Array:
-        return problem.system.lagrangian(q, v, t, parameters=problem.parameters)
+        return system.lagrangian(q, v, t, parameters=parameters)
 
     def even(q: Array, v: Array, t: Array) -> Array:
         return (lagrangian(v) + lagrangian(-v)) / 2 - lagrangian(0 * v)
