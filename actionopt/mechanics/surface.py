@@ -77,6 +77,11 @@ class Surface:
         return [ca.SX.sym(name, self.law.numel_in(i)) for i, name in enumerate("qtp")]
 
     @cached_property
+    def _value(self) -> Pointwise:
+        symbols = self._symbols
+        return Pointwise(ca.Function("on_value", symbols, [self(*symbols)]))
+
+    @cached_property
     def _first(self) -> Pointwise:
         symbols = self._symbols
         rows = self(*symbols)
@@ -100,6 +105,10 @@ class Surface:
         on, by_q, by_t, _ = self._first(q, t[:, None], packed)
         by_q = by_q.reshape(len(t), -1, self.count).transpose(0, 2, 1)
         return on.copy(), by_q.copy(), by_t.copy()
+
+    def values(self, q: Array, t: Array, packed: Array) -> Array:
+        """Return on (K, s) at q (K, n), t (K,)."""
+        return self._value(q, t[:, None], packed)[0].copy()
 
     def curvature(self, q: Array, t: float, packed: Array, mu: Array) -> Array:
         """Return the second derivatives of mu.on by q, (n, n)."""

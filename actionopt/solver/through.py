@@ -1,9 +1,10 @@
 """Paths through events whose times or places are to be found: first paths, and which are answers.
 
-A first path is straight between points on the surfaces of the events. Newton's method takes it to a
-stationary one, times and multipliers included; from there it is followed from mesh to mesh. Many of
-them are no answers: at a surface reflection and transmission satisfy the same equations, and a leg
-may cross what it is to be reflected from.
+A first path is straight between points on the surfaces of the events, or a motion that is reflected
+and refracted there (`rays`). Newton's method takes it to a stationary one, times and multipliers
+included; from there it is followed from mesh to mesh. Many of them are no answers: at a surface
+reflection and transmission satisfy the same equations, and a leg may cross what it is to be
+reflected from.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from time import perf_counter
 from typing import Literal
 
@@ -29,6 +31,7 @@ from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.solver.arguments import Guess
 from actionopt.solver.family import may_be_family
+from actionopt.solver.rays import Ray, rays
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import APPROACHES, Unfixed
 from actionopt.solver.verdict import solution_of
@@ -39,7 +42,8 @@ from actionopt.tools.watch import OutOfTime, Watch
 
 # Ad hoc.
 LEG_ELEMENTS, LEG_DEGREE = 2, 6  # of a leg of a first path
-FIRST_POLYGONS = 24  # first paths that are tried
+FIRST_POLYGONS = 24  # first paths that are tried, straight between events, and as many motions
+BEFORE_RAYS = 2  # of them, before motions are
 PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of logarithms of times
 CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
 NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
@@ -217,6 +221,15 @@ def starts(
             yield from ((path, first[1]) for path in waves)
         return
     for k in range(count):
+        if k == BEFORE_RAYS:
+            span = float(_durations(problem, base).sum())
+            given = times_of(problem)[[0, -1]]
+            if np.isfinite(given).all():
+                span = float(np.diff(given)[0])
+            for ray in islice(rays(problem, size, span, seed), count):
+                found = along_ray(problem, ray)
+                if found is not None:
+                    yield relax_legs(problem, *found), found[1]
         away = PLACE_SPREAD * (1 + k // 10) * size * random.standard_normal(base.shape)
         shift = PLACE_SPREAD * random.standard_normal(len(base) - 1)
         q = base if not k else base + away
@@ -287,6 +300,27 @@ def polygon(q: Array, times: Array) -> Path:
     b[::LEG_ELEMENTS] = times
     mesh = Mesh(b, LEG_DEGREE)
     return Path(mesh, np.stack([np.interp(mesh.nodes, times, row) for row in q.T]))
+
+
+def along_ray(problem: Problem, ray: Ray) -> tuple[Path, Array] | None:
+    """Return a motion, as a path through the given coordinates at the given times."""
+    times = _fill(times_of(problem), np.diff(ray.times))
+    if not (np.diff(times) > 0).all():
+        return None
+    miss = np.array(
+        [
+            [0.0 if x is None else x - y for x, y in zip(e.q, q, strict=True)]
+            for e, q in zip(problem.joints_found, ray.places, strict=True)
+        ]
+    )
+    mesh = polygon(np.zeros_like(ray.places), times).mesh
+    q = np.empty((mesh.nodes.size, len(ray.places[0])))
+    for k in range(len(times) - 1):
+        part = (mesh.nodes - times[k]) / (times[k + 1] - times[k])
+        inside = (part >= 0) & (part <= 1)
+        s = part[inside, None]
+        q[inside] = ray.values(k, part[inside]) + miss[k] + s * (miss[k + 1] - miss[k])
+    return Path(mesh, q.T), times
 
 
 def _durations(problem: Problem, q: Array) -> Array:

@@ -1,0 +1,68 @@
+"""Paths with many bounces are found without a guess."""
+
+from itertools import islice, pairwise
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.solver.through import starts
+
+FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+ELLIPSE = ao.Bounce(lambda q, t: 1 - (q[0] / 2) ** 2 - q[1] ** 2)
+
+
+def reflected(points, normal):
+    """By how much directions along a polygon (k + 2, 2) are not reflected at its inner corners."""
+    along = np.diff(points, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    misses = []
+    for q, (a, b) in zip(points[1:-1], pairwise(along), strict=True):
+        m = normal(q) / np.linalg.norm(normal(q))
+        misses.append(np.abs(a - 2 * (m @ a) * m - b).max())
+    return max(misses)
+
+
+@pytest.mark.parametrize("bounces", [3, pytest.param(6, marks=pytest.mark.slow)])
+def test_many_bounces_in_an_ellipse(bounces):
+    ends = ao.Event(0, [1.2, 0.1]), ao.Event(1, [0.4, -0.5])
+    found = ao.solve(ao.Problem(FREE, *ends, through=[ELLIPSE] * bounces), tol=1e-11)
+    points = np.array([found(e.t) for e in (found.start, *found.problem.through, found.end)])
+    assert reflected(points, lambda q: np.array([q[0] / 4, q[1]])) < 1e-10
+    assert np.ptp(np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff([
+        0.0, *(e.t for e in found.problem.through), 1.0
+    ])) < 1e-8  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_ball_bounces_twice_in_all_ways():
+    """The places of the bounces do not tell these apart, their times do."""
+    ball = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0], ["y"])
+    floor = ao.Bounce(lambda q, t: q[0])
+    paths = ao.solve_all(
+        ao.Problem(ball, ao.Event(0, [1.0]), ao.Event(5, [0.5]), through=[floor] * 2), starts=1
+    )
+
+    def misses(v):  # from 1 with velocity v, to the floor twice, and on to 0.5 at t = 5
+        speed = np.sqrt(v**2 + 2)
+        since = 5 - (v + speed) - 2 * speed
+        return np.where((since > 0) & (since < 2 * speed), speed * since - since**2 / 2 - 0.5, 9.0)
+
+    m = misses(np.linspace(-3, 3, 20001))
+    assert len(paths) == np.count_nonzero((m[1:] * m[:-1] < 0) & (np.abs(np.diff(m)) < 0.1))
+    assert all(abs(misses(s.start.v[0])) < 1e-8 for s in paths)
+
+
+def test_the_first_motions_nearly_arrive():
+    """What is yielded first, obeys the law of reflection on its way, before Newton's method."""
+    spring = ao.System(lambda q, v, t: v @ v / 2 - q @ q / 2, ["x", "y"])
+    disc = ao.Bounce(lambda q, t: 1 - q @ q)
+    ends = ao.Event(0, [0.5, 0.1]), ao.Event(2.4, [-0.2, 0.6])
+    problem = ao.Problem(spring, *ends, through=[disc] * 2)
+    path, times = next(islice(starts(problem, None, 3), 2, None))
+    assert np.abs(1 - np.sum(path(times[1:3]) ** 2, axis=0)).max() < 1e-2
+    energies = [
+        spring.energy(path(t), path.velocity(t), t)
+        for t in np.concatenate([np.linspace(a, b, 5)[1:-1] for a, b in pairwise(times)])
+    ]
+    assert np.ptp(energies) < 0.1 * np.mean(energies)

@@ -1,0 +1,58 @@
+"""What velocity a motion has after a surface: reflection and refraction."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.mechanics.reflection import leave
+
+
+def law(lagrangian):
+    system = ao.System(lagrangian, ["x", "y"])
+    return system, system.table.pack(system.table.values())
+
+
+def after(laws, v, by_q, by_t=0.0, *, bounces):
+    place = np.zeros((1, 2)), np.array([v]), np.zeros((1, 1))
+    return leave(laws, place, (np.array([by_q]), np.array([by_t])), bounces=bounces)[0]
+
+
+def test_a_wall_that_moves_throws_back_in_its_own_frame():
+    free = law(lambda q, v, t: v @ v / 2)
+    normal = np.array([0.6, 0.8])  # on = normal.q - 0.3 t: the wall moves with 0.3 along it
+    v = after((free, free), [1.0, -2.0], normal, -0.3, bounces=True)
+    w = np.array([1.0, -2.0]) - 0.3 * normal
+    assert v == pytest.approx(w - 2 * (normal @ w) * normal + 0.3 * normal, abs=1e-14)
+
+
+def test_snell_and_total_reflection():
+    media = [law(lambda q, v, t, n=n: n**2 * (v @ v) / 2) for n in (1.5, 1.0)]
+    angle = 0.5
+    v = np.array([np.sin(angle), np.cos(angle)]) / 1.5
+    out = after(tuple(media), v, [0.0, 1.0], bounces=False)
+    assert out[0] / np.linalg.norm(out) == pytest.approx(1.5 * np.sin(angle), abs=1e-14)
+    assert np.linalg.norm(out) == pytest.approx(1.0, abs=1e-14)  # n |v| is continuous
+    beyond = np.array([np.sin(0.8), np.cos(0.8)]) / 1.5
+    assert np.isnan(after(tuple(media), beyond, [0.0, 1.0], bounces=False)).all()
+    back = after((media[0], media[0]), beyond, [0.0, 1.0], bounces=True)
+    assert back == pytest.approx(beyond * [1, -1], abs=1e-14)
+
+
+@pytest.mark.parametrize("bounces", [True, False])
+def test_momentum_along_and_energy_are_kept_where_h_is_not_quadratic(bounces):
+    """A relativistic particle, whose mass changes where it is not thrown back."""
+
+    def rest_mass(m):
+        return law(lambda q, v, t: -m * (1 - v @ v) ** 0.5 + 0.3 * v[0] - 0.1 * m)
+
+    laws = rest_mass(1.0), rest_mass(1.0 if bounces else 1.1)
+    laws = (laws[0], laws[0]) if bounces else laws
+    normal, v = np.array([0.8, -0.6]), np.array([0.3, -0.5])
+    out = after(laws, v, normal, 0.05, bounces=bounces)
+    sides = list(zip(laws, (v, out), strict=True))
+    p = [s.momentum([0, 0], u, 0.0) for (s, _), u in sides]
+    H = [s.energy([0, 0], u, 0.0) for (s, _), u in sides]
+    mu = (p[1] - p[0]) @ normal
+    assert p[1] - p[0] == pytest.approx(mu * normal, abs=1e-12)
+    assert H[1] - H[0] == pytest.approx(-0.05 * mu, abs=1e-12)
+    assert (out @ normal + 0.05 < 0) == bounces
