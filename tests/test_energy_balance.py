@@ -121,7 +121,7 @@ def test_the_balance_of_stacked_members_is_that_of_each(timed):
         problem.packed,
     )
     Q = stack.shape.local(curve(mesh.nodes).T[None])
-    balance = Balance.of(tr, tr.pack(curve(mesh.nodes).T))
+    balance = Balance.of(DiscretePath(tr, tr.pack(curve(mesh.nodes).T)))
     assert balance is not None
     assert stack.imbalance(Q, stack.samples(Q))[1] == pytest.approx(balance.drift(), rel=1e-3)
     assert balance.drift() > 1e-3
@@ -287,9 +287,9 @@ def test_the_balance_holds_along_any_curve_and_shows_the_slightest_jump():
         return DiscretePath.of(other, curve)
 
     smooth = at(lambda q: np.exp(q[0]) * q[1])
-    assert imbalance(smooth.tr, smooth.x, 1e-13) is None
+    assert imbalance(smooth, 1e-13) is None
     stepped = at(lambda q: np.exp(q[0]) * q[1] + 1e-11 * (q[1] - 0.2) / np.sqrt((q[1] - 0.2) ** 2))
-    assert imbalance(stepped.tr, stepped.x, 1e-9) is None
+    assert imbalance(stepped, 1e-9) is None
     stepped = at(lambda q: np.exp(q[0]) * q[1] + 1e-6 * (q[0] - 0.2) / np.sqrt((q[0] - 0.2) ** 2))
     jump = find_imbalance(stepped, 1e-9)
     assert isinstance(jump, Jump)

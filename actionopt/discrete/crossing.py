@@ -97,7 +97,7 @@ def find_imbalance(at: DiscretePath, error: float) -> Jump | Imbalance | None:
 
     `error` is that of the path, in its own size.
     """
-    return jump_or(at, imbalance(at.tr, at.x, error))
+    return jump_or(at, imbalance(at, error))
 
 
 def jump_or(at: DiscretePath, found: Imbalance | None) -> Jump | Imbalance | None:

@@ -31,6 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.discrete import second_quadrature
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
@@ -80,91 +81,89 @@ class Imbalance:
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """What the balance of energy along a path x (unknowns,) is drawn up of.
+    """What the balance of energy along a path is drawn up of.
 
     Attributes
     ----------
-    tr : Transcription
+    at : DiscretePath
     off : list of arrays
         How far L changes without a reason, from one end of each element over its samples to the
         other, (E, points + 1), batch by batch; and between elements, (N - 1,).
-    unit, read, kinetic : float
-        What that may be for a path of the error 1; what else is rounded; sum |L_v| s^2 / u, as it
-        is rounded in velocities.
-    samples : list of arrays
-        v . L_v - L at the samples, and Q . v and dL/dt there if they enter, batch by batch:
-        (1 to 3, E, points).
+    unit, read : float
+        What that may be for a path of the error 1, and what else is rounded.
+    energy : array
+        v . L_v - L at the samples, (points,).
+    explicit : array
+        dL/dt there, (points,), or a zero.
     speeds, momenta, outer : arrays
-        v and L_v (N, 2, n), and L (N, 2), at both ends of each element.
-    reach : float
-        Its unit, of a displacement by the path's size.
+        v and L_v (n, N, 2), and L (N, 2), at both ends of each element.
+    size, speed, momentum : (n,) arrays
+        The largest |q|, |v| and |L_v|.
     """
 
-    tr: Transcription
+    at: DiscretePath
     off: list[Array]
     unit: float
     read: float
-    kinetic: float
-    samples: list[Array]
+    energy: Array
+    explicit: Array
     speeds: Array
     momenta: Array
     outer: Array
-    reach: float
+    size: Array
+    speed: Array
+    momentum: Array
 
     @classmethod
-    def of(cls, tr: Transcription, x: Array) -> Balance | None:
+    def of(cls, at: DiscretePath) -> Balance | None:
         """Draw it up; None where L plainly does not jump."""
-        problem = tr.problem
+        tr, problem = at.tr, at.problem
         if problem.system.structure.jumpless:
             return None
-        batches = tr.between_nodes
+        batches, point = tr.between_nodes, tr.place(at.x)
         with np.errstate(all="ignore"):
-            q, v, force, momentum, L = second_quadrature.values(tr, x, batches)
+            q, v, force, momentum, L = second_quadrature.values(tr, at.x, batches)
             t = second_quadrature.times(tr, batches)
             explicit = _explicit(problem, q, v, t)
-            rate = _rate(force, v, explicit)
-            sizes = np.abs(np.concatenate([q, v, force, momentum], axis=1)).max(axis=0)
-            size, speed, most, largest = sizes.reshape(4, -1)
+            # A row for each coordinate: numpy is fast along rows.
+            v, force, momentum = (np.ascontiguousarray(y.T) for y in (v, force, momentum))
+            size, speed = (np.abs(y.T).max(axis=1) for y in (point.Q, point.v))
+            most, largest = (np.abs(y).max(axis=1) for y in (force, momentum))
             read = float(np.abs(L).max())
             if not read < np.inf:
                 read = float(np.abs(L[np.isfinite(L)]).max(initial=0.0))
             if explicit.size > 1:
                 read += float(np.abs(explicit).max() * np.abs(t).max())
-            rates = [_product(momentum, v) - L]
-            if problem.system.structure.forced:
-                pushed = problem.system.pointwise("force")(q, v, t, problem.packed)[0]
-                rates.append(_product(pushed, v))
-            if explicit.size > 1:
-                rates.append(explicit)
+            rate = _rate(force, v, explicit)
             # Of each element at its ends, on its own side of a switch.
-            speeds, momenta, outer = _at_ends(tr, x)
-            first, off, samples = 0, [], []
+            speeds, momenta, outer = _at_ends(tr, at.x)
+            first, off = 0, []
             for b in batches:
                 shape = b.elements.size, b.rule.nodes.size
                 here = slice(first, first := first + shape[0] * shape[1])
-                mine = (y[here].reshape(*shape, *y.shape[1:]) for y in (momentum, L, rate, v))
-                at = *mine, outer[b.elements], speeds[b.elements]
-                off.append(_off_between(b.rule, b.half, at))
-                samples.append(np.array([y[here].reshape(shape) for y in rates]))
+                p, u = (y[:, here].reshape(-1, *shape) for y in (momentum, v))
+                ends = outer[b.elements], speeds[:, b.elements]
+                known = p, L[here].reshape(shape), rate[here].reshape(shape), u
+                off.append(_off_between(b.rule, b.half[:, 0], *known, *ends))
             # Between elements velocities differ by the error of the path.
-            means = (momenta[1:, 0] + momenta[:-1, 1]) / 2
-            between = outer[1:, 0] - outer[:-1, 1] - _product(speeds[1:, 0] - speeds[:-1, 1], means)
+            means = (momenta[:, 1:, 0] + momenta[:, :-1, 1]) / 2
+            steps = (speeds[:, 1:, 0] - speeds[:, :-1, 1]) * means
+            between = outer[1:, 0] - outer[:-1, 1] - steps.sum(axis=0)
             if tr.sides is not None:  # where laws switch L may jump: their momentum is continuous
                 between[tr.sides[0][1:] != tr.sides[1][:-1]] = 0.0
             if problem.through:  # momenta jump there
                 inner = np.searchsorted(tr.mesh.offsets, tr.joints[1:-1])
                 between[inner - 1] = 0.0
-            unit = float(np.nansum(most * size + largest * speed))
-            at_ends, reach = (speeds, momenta, outer), float(np.nansum(largest * size))
-            kinetic = float(np.nansum(largest * size**2 / speed))
-            return cls(tr, [*off, between], unit, read, kinetic, samples, *at_ends, reach)
+            unit, energy = _sum(most * size + largest * speed), (momentum * v).sum(axis=0) - L
+            known = energy, explicit, speeds, momenta, outer, size, speed, largest
+            return cls(at, [*off, between], unit, read, *known)
 
     def beyond(self, error: float) -> Imbalance | None:
         """Return where (1) is off by more than an error of the path allows, in its own size."""
         allowed = (error + ROUNDOFF) * self.unit + ROUNDOFF * self.read
         if all((np.abs(part) <= allowed).all() for part in self.off) or not np.isfinite(error):
             return None
-        mesh, width = self.tr.mesh, round_off_time(self.tr.problem)
+        mesh, width = self.at.mesh, round_off_time(self.at.problem)
         inner, off = mesh.since[1:-1], np.concatenate([part.ravel() for part in self.off])
         low, high = self._intervals()
         low, high = np.append(low, inner - width), np.append(high, inner + width)
@@ -182,75 +181,101 @@ class Balance:
         most = np.abs(found.off) >= WORST_SHARE * np.abs(found.off).max()
         return Imbalance(found.low[most], found.high[most], found.off[most], found.allowed)
 
-    def drift(self, rounding: float = 0.0, path: Path | None = None) -> float:
+    def drift(self, rounding: float = 0.0, *, stepped: bool = False) -> float:
         """Return how far the path is carried by what its energy varies, in its own size.
 
-        But for what a `rounding` of L may do, and where L steps in the time alone, if that is
-        looked for along the `path`. Along a motion E = H - int (Q . v - dL/dt) dt is constant. A
-        change of it by dE changes the velocity by dE / p, and in the time since the path by the
-        sum:
+        But for what a `rounding` of L may do, and where L steps in the time alone, if it is asked
+        where it is `stepped`. Along a motion E = H - int (Q . v - lam . df/dt - dL/dt) dt is
+        constant. A change of it by dE changes the velocity by dE / p, and in the time since the
+        path by the sum:
 
             max_t |int_0^t (E - mean E) dt| / sum (max_t |L_v| s).
 
         That sees what no sum of forces does: a cusp, where what one sample weighs is nothing and
         the impulse is much, or a corner of the path at a kink of L in v, where momenta agree at any
         time. (Measured: 0.8 to 1.1 of the error at cusps; on the scenes and at kinks 0.7 of the
-        estimate at most, mostly a hundredth.)
+        estimate at most, mostly a hundredth.) Zero where it is not known.
         """
-        system, mesh = self.tr.problem.system, self.tr.mesh
-        if system.m and system.structure.depends_on_time:
-            return 0.0  # constraints that move do work, which is not known
-        if self.tr.problem.through:
+        structure, mesh = self.at.problem.system.structure, self.at.mesh
+        if self.at.problem.through:
             return 0.0  # the energy may jump at events
-        energy = np.empty(mesh.elements)
+        means = np.empty(mesh.elements)
         with np.errstate(all="ignore"):
-            known = [rates[0] for rates in self.samples]
-            if len(self.samples[0]) > 1:
-                known = [H - W for H, W in zip(known, self._works(path), strict=True)]
-            for b, E in zip(self.tr.between_nodes, known, strict=True):
-                energy[b.elements] = E @ b.rule.weights * b.half[:, 0, 0]
-            mean = energy.sum() / mesh.duration
-            carried = float(np.abs(np.cumsum(energy - mean * mesh.lengths)).max())
+            energy, first = self.energy, 0
+            if structure.forced or structure.depends_on_time:
+                try:
+                    energy = energy - self._work(stepped)
+                except ValueError:  # forces of constraints that depend on one another
+                    return 0.0
+            for b in self.at.tr.between_nodes:
+                here = slice(first, first := first + b.elements.size * b.rule.nodes.size)
+                part = energy[here].reshape(b.elements.size, -1)
+                means[b.elements] = part @ b.rule.weights * b.half[:, 0, 0]
+            mean = means.sum() / mesh.duration
+            carried = float(np.abs(np.cumsum(means - mean * mesh.lengths)).max())
         carried -= max(rounding, ROUNDOFF * self.read) * mesh.duration
-        return carried / self.reach if 0 < carried < np.inf else 0.0
+        reach = _sum(self.momentum * self.size)
+        return carried / reach if 0 < carried < np.inf else 0.0
 
-    def _works(self, path: Path | None) -> list[Array]:
-        """Return int_0^t (Q . v - dL/dt) dt at the samples, (E, points), batch by batch."""
-        tr, structure = self.tr, self.tr.problem.system.structure
+    def _work(self, stepped: bool) -> Array:
+        """Return int_0^t (Q . v - lam . df/dt - dL/dt) dt at the samples, (points,)."""
+        tr, power = self.at.tr, self._power()
         low, high = self._intervals()
-        first, done, cuts = 0, np.zeros(low.size), []
+        first, done, inside = 0, np.zeros(low.size), np.ones(low.size, dtype=bool)
         by_time = np.zeros(low.size)
-        for b, rates in zip(tr.between_nodes, self.samples, strict=True):
-            here = slice(first, first := first + rates[0].size + len(rates[0]))
-            parts = [b.rule.increments(b.half[:, 0] * rate).ravel() for rate in rates[1:]]
-            if structure.forced:
-                done[here] = parts[0]
-            if structure.depends_on_time:
-                by_time[here] = parts[-1]
-            if tr.sides is not None:  # where laws switch the energy jumps
-                ends = _product(self.speeds, self.momenta) - self.outer
-                jumps = np.append(0.0, ends[1:, 0] - ends[:-1, 1])
-                jumps *= np.append(False, tr.sides[0][1:] != tr.sides[1][:-1])
-                done[here].reshape(len(b.elements), -1)[:, 0] += jumps[b.elements]
-            cuts.append(first)
-        if path is not None and structure.depends_on_time:
-            by_time += self._steps_in_time(path, low, high, by_time)
+        jumps = np.zeros(tr.mesh.elements)
+        if tr.sides is not None:  # where laws switch the energy jumps
+            ends = (self.speeds * self.momenta).sum(axis=0) - self.outer
+            jumps[1:] = ends[1:, 0] - ends[:-1, 1]
+            jumps[1:] *= tr.sides[0][1:] != tr.sides[1][:-1]
+        last = 0
+        for b in tr.between_nodes:
+            shape = b.elements.size, b.rule.nodes.size
+            here = slice(first, first := first + shape[0] * shape[1])
+            there = slice(last, last := last + shape[0] * (shape[1] + 1))
+            parts = [
+                b.rule.increments(b.half[:, 0] * rate[here].reshape(shape)) if rate.size > 1 else 0
+                for rate in (power, self.explicit)
+            ]
+            done[there].reshape(shape[0], -1)[...] = parts[0]
+            by_time[there].reshape(shape[0], -1)[...] = parts[1]
+            done[there].reshape(shape[0], -1)[:, 0] += jumps[b.elements]
+            inside[there].reshape(shape[0], -1)[:, -1] = False  # at the end of an element
+        if stepped and self.explicit.size > 1:
+            by_time += self._steps_in_time(low, high, by_time)
         done, order = np.nan_to_num(done - by_time), np.argsort(low, kind="stable")
         done[order] = done[order].cumsum()
-        parts = zip(np.split(done, cuts[:-1]), self.samples, strict=True)
-        return [part.reshape(len(rates[0]), -1)[:, :-1] for part, rates in parts]
+        return done[inside]
 
-    def _steps_in_time(self, path: Path, low: Array, high: Array, known: Array) -> Array:
+    def _power(self) -> Array:
+        """Return Q . v - lam . df/dt at the samples, (points,), or a zero.
+
+        Raises ValueError where constraints that move are not independent.
+        """
+        at, problem, power = self.at, self.at.problem, np.zeros(1)
+        system, batches = problem.system, at.tr.between_nodes
+        q, v, *_ = second_quadrature.values(at.tr, at.x, batches)
+        t = second_quadrature.times(at.tr, batches)
+        if system.structure.forced:
+            power = _product(system.pointwise("force")(q, v, t, problem.packed)[0], v)
+        if system.m and t.size > 1:
+            moved = system.pointwise("constraint_rate")(q, t, problem.packed)[0].copy()
+            if moved.any():
+                lam = np.nan_to_num(at.multipliers(t[:, 0]))
+                power = power - _product(lam, moved)
+        return power
+
+    def _steps_in_time(self, low: Array, high: Array, known: Array) -> Array:
         """Return by how much L steps between times since the start, (K,), in the time alone.
 
         That is what it changes by there without a reason, if it is also what it changes by from
         one time to the other at the same q and v, less what is `known` of that.
         """
-        problem = self.tr.problem
+        problem = self.at.problem
         off = np.concatenate([part.ravel() for part in self.off])[: low.size]
         at = np.flatnonzero(np.abs(off) > ROUNDOFF * (self.unit + self.read))
         steps = np.zeros(low.size)
-        q, v = (part.T for part in path.carried_on(np.concatenate([low[at], high[at]]), 1.0))
+        q, v = (part.T for part in self.at.path.carried_on(np.concatenate([low[at], high[at]]), 1.0))
         L = [
             problem.system.pointwise("first")(q, v, t[:, None], problem.packed)[2][:, 0].copy()
             for t in (problem.start.t + np.tile(since[at], 2) for since in (low, high))
@@ -263,31 +288,33 @@ class Balance:
         """Return how far velocities that are rounded change what is `off`, in one array.
 
         On an element of the length h and of degree d velocities are known to EPS s d^2 / h. L_v dv
-        of that is balanced, and L_vv dv^2 is left. (Measured at h = 1e-9 to 1e-13 of the time:
+        of that is balanced, and L_vv dv^2 is left, with L_v / v for L_vv. (Measured at h = 1e-9 to 1e-13 of the time:
         0.07 of that at most.)
         """
-        degree = np.array(self.tr.mesh.degrees)
-        here = self.kinetic * (EPS * degree**2 / self.tr.mesh.lengths) ** 2
+        degree = np.array(self.at.mesh.degrees)
+        with np.errstate(all="ignore"):
+            kinetic = _sum(self.momentum * self.size**2 / self.speed)
+        here = kinetic * (EPS * degree**2 / self.at.mesh.lengths) ** 2
         parts = [
             np.repeat(here[b.elements], part.shape[1])
-            for b, part in zip(self.tr.between_nodes, self.off, strict=False)
+            for b, part in zip(self.at.tr.between_nodes, self.off, strict=False)
         ]
         return np.concatenate([*parts, here[1:] + here[:-1]])
 
     def _intervals(self) -> tuple[Array, Array]:
         """Return times since the start from sample to sample, (K,), as `off` has them."""
         low, high = [], []
-        for b in self.tr.between_nodes:
+        for b in self.at.tr.between_nodes:
             points = np.concatenate([[-1.0], b.rule.nodes, [1.0]])
-            since = self.tr.mesh.since[b.elements, None] + b.half[:, :, 0] * (1 + points)
+            since = self.at.mesh.since[b.elements, None] + b.half[:, :, 0] * (1 + points)
             low.append(since[:, :-1].ravel())
             high.append(since[:, 1:].ravel())
         return np.concatenate(low), np.concatenate(high)
 
 
-def imbalance(tr: Transcription, x: Array, error: float) -> Imbalance | None:
-    """Return where (1) is off by more than `error` allows along the path x (unknowns,), or None."""
-    balance = Balance.of(tr, x)
+def imbalance(at: DiscretePath, error: float) -> Imbalance | None:
+    """Return where (1) is off by more than `error` allows along a path, or None."""
+    balance = Balance.of(at)
     return None if balance is None else balance.beyond(error)
 
 
@@ -356,31 +383,27 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
 
     L(q, v, t) along the path, or with t held where it is half way if it is not `timed`.
     """
-    half = (high - low)[:, None, None] / 2
-    since = np.clip(low[:, None] + half[:, 0] * (1 + INNER_RULE.nodes), low[:, None], high[:, None])
+    half = (high - low)[:, None] / 2
+    since = np.clip(low[:, None] + half * (1 + INNER_RULE.nodes), low[:, None], high[:, None])
     q, v = (part.T for part in path.carried_on(since.ravel(), 1.0))
     t = since if timed else np.repeat((low + high)[:, None] / 2, since.shape[1], axis=1)
     t = problem.start.t + t.reshape(-1, 1)
     with np.errstate(all="ignore"):
-        Lq, p, L = (y.copy() for y in problem.system.pointwise("first")(q, v, t, problem.packed))
-        rate = _rate(Lq, v, _explicit(problem, q, v, t) if timed else np.zeros(1))
-        p, L, rate, v = (y.reshape(*since.shape, *y.shape[1:]) for y in (p, L[:, 0], rate, v))
-        at = p, L, rate, v, L[:, ENDS], v[:, ENDS]
-        return _off_between(INNER_RULE, half, at).sum(axis=1)
+        found = problem.system.pointwise("first")(q, v, t, problem.packed)
+        Lq, p, L = (np.array(y.T, order="C") for y in found)
+        rate = _rate(Lq, v.T, _explicit(problem, q, v, t) if timed else np.zeros(1))
+        L, rate = L.reshape(since.shape), rate.reshape(since.shape)
+        p, v = (y.reshape(-1, *since.shape) for y in (p, v.T))
+        ends = L[:, ENDS], v[:, :, ENDS]
+        return _off_between(INNER_RULE, half, p, L, rate, v, *ends).sum(axis=1)
 
 
 def _at_ends(tr: Transcription, x: Array) -> tuple[Array, Array, Array]:
-    """Return v and L_v (elements, 2, n), and L (elements, 2), at the ends of each element."""
-    point = tr.place(x)
-    at = np.empty((tr.mesh.elements, 2), dtype=int)
-    for g in tr.layout.groups:
-        degree = g.rule.degree
-        at[g.elements, 0] = np.arange(g.span.start, g.span.stop, degree + 1)
-        at[g.elements, 1] = at[g.elements, 0] + degree
-    at, shape = at.ravel(), (*at.shape, -1)
+    """Return v and L_v (n, elements, 2), and L (elements, 2), at the ends of each element."""
+    point, at, shape = tr.place(x), tr.layout.element_ends, (-1, tr.mesh.elements, 2)
     v, t = point.v[at], tr.times if tr.times.shape[0] == 1 else tr.times[at]
     _, p, L = tr.problem.system.pointwise("first")(point.at[at], v, t, tr.problem.packed)
-    return v.reshape(shape), p.reshape(shape).copy(), L.reshape(shape[:2]).copy()
+    return v.T.reshape(shape), np.array(p.T, order="C").reshape(shape), L.reshape(shape[1:]).copy()
 
 
 def _explicit(problem: Problem, q: Array, v: Array, t: Array) -> Array:
@@ -391,28 +414,44 @@ def _explicit(problem: Problem, q: Array, v: Array, t: Array) -> Array:
 
 
 def _rate(Lq: Array, v: Array, explicit: Array) -> Array:
-    """Return L_q . v + dL/dt (K,)."""
-    rate = _product(Lq, v) + explicit
+    """Return L_q . v + dL/dt (K,), for L_q and v (n, K)."""
+    rate = (Lq * v).sum(axis=0) + explicit
     if not np.isfinite(rate.sum()):  # where L is finite and overflows on the way it is flat
         rate[~np.isfinite(rate)] = 0.0
     return rate
 
 
-def _off_between(rule: Sampling, half: Array, at: tuple[Array, ...]) -> Array:
+def _off_between(
+    rule: Sampling,
+    half: Array,
+    p: Array,
+    L: Array,
+    rate: Array,
+    v: Array,
+    L_ends: Array,
+    v_ends: Array,
+) -> Array:
     """Return what (1) leaves from each point to the next, (E, points + 1).
 
-    `at` has L_v, L, the `_rate` and v there, and L and v at the ends, (E, 2) and (E, 2, n). The
-    integral of a constant L_v is taken apart, as v is known: where elements are short dv/dt is all
-    round-off.
+    For L_v and v (n, E, points), L and the `_rate` (E, points), L and v at the ends, (E, 2) and
+    (n, E, 2), and half the lengths (E, 1). The integral of a constant L_v is taken apart, as v is
+    known: where elements are short dv/dt is all round-off.
     """
-    p, L, rate, v, L_ends, v_ends = at
-    middle = p[:, p.shape[1] // 2, None]
-    work = half[:, 0] * rate + _product(p - middle, rule.rates(v))
-    level = np.empty((L.shape[0], L.shape[1] + 2))
-    level[:, 1:-1] = L - _product(v, middle)
-    level[:, :: level.shape[1] - 1] = L_ends - _product(v_ends, middle)
+    n, E, points = v.shape
+    middle = p[:, :, points // 2, None]
+    bent = rule.rates(v.reshape(n * E, points, 1)).reshape(v.shape)
+    work = half * rate + ((p - middle) * bent).sum(axis=0)
+    level = np.empty((E, points + 2))
+    level[:, 1:-1] = L - (v * middle).sum(axis=0)
+    level[:, :: points + 1] = L_ends - (v_ends * middle).sum(axis=0)
     return level[:, 1:] - level[:, :-1] - rule.increments(work)
 
 
+def _sum(terms: Array) -> float:
+    """Return the sum of those that are known."""
+    total = float(terms.sum())
+    return total if total == total else float(np.nansum(terms))
+
+
 def _product(a: Array, b: Array) -> Array:
-    return np.einsum("...n,...n->...", a, b)
+    return np.einsum("kn,kn->k", a, b)

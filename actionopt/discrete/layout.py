@@ -175,6 +175,15 @@ class Layout(MatrixLayout):
         return (self.node_of[:, None] * n + np.arange(n)).ravel()
 
     @cached_property
+    def element_ends(self) -> NDInt:
+        """Positions of both ends of each element among the evaluations, (2 elements,)."""
+        at = np.empty((self.offsets.size - 1, 2), dtype=np.intp)
+        for g in self.groups:
+            first = np.arange(g.span.start, g.span.stop, g.nodes.shape[1])
+            at[g.elements] = first[:, None] + [0, g.nodes.shape[1] - 1]
+        return at.ravel()
+
+    @cached_property
     def probe(self) -> Array:
         """A variation (size,) to begin inverse iteration with: smooth, and of no symmetry.
 

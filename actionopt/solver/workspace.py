@@ -456,13 +456,13 @@ class Workspace:
         """Return where the balance of energy does not hold along the path; say so if L jumps."""
         here, off = self.here, None
         with self.record.clock("verify"):
-            balance = Balance.of(here.tr, here.x)
+            balance = Balance.of(here)
             if balance is not None:
                 off = jump_or(here, balance.beyond(here.error))
                 error = max(here.error, DRIFT_SAFETY * balance.drift())
                 if off is None and error > max(self.tol, here.error):
                     known = rounding(here.problem, here.path)
-                    error = max(here.error, DRIFT_SAFETY * balance.drift(known, here.path))
+                    error = max(here.error, DRIFT_SAFETY * balance.drift(known, stepped=True))
                     off = balance.largest() if error > self.tol else None
                 if error > here.error:
                     self.here = replace(here, error=error)

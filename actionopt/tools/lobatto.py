@@ -80,7 +80,7 @@ class Sampling:
         count = points // self.panels
         parts = (values.reshape(-1, count) @ self._increments).reshape(E, self.panels, -1)
         found = np.empty((E, points + 1))
-        found[:, :-1] = parts[:, :, :-1].reshape(E, -1)
+        found[:, :-1].reshape(E, self.panels, count)[...] = parts[:, :, :-1]
         found[:, -1] = 0.0
         found[:, count::count] += parts[:, :, -1]
         return found
@@ -88,7 +88,8 @@ class Sampling:
     def rates(self, values: Array) -> Array:
         """Return the derivatives of values (E, m + 1, n) at the points, panel by panel."""
         E, points, n = values.shape
-        parts = by_each(self._rates, values.reshape(E * self.panels, -1, n))
+        rows = values.reshape(E * self.panels, -1, n)
+        parts = rows[:, :, 0] @ self._rates.T if n == 1 else by_each(self._rates, rows)
         return self.panels * parts.reshape(values.shape)
 
     def integrals(self, values: Array) -> tuple[Array, Array]:
