@@ -127,6 +127,35 @@ def test_the_balance_of_stacked_members_is_that_of_each(timed):
     assert balance.drift() > 1e-3
 
 
+def test_the_work_of_a_constraint_that_moves_is_no_drift():
+    """A lift adds y'^2 / 2 to the energy, and its force has done as much."""
+
+    def displaced(lagrangian, names, curve, **laws):
+        """Return the drift in units of a displacement, not of the path's size."""
+        system = ao.System(lagrangian, names, **laws)
+        start, end = (ao.Event(t, curve(t)) for t in (0.0, 1.0))
+        path = ao.Path.interpolate(curve, ao.Mesh.uniform(0.0, 1.0, 3, 9))
+        balance = Balance.of(DiscretePath.of(ao.Problem(system, start, end), path))
+        assert balance is not None
+        return balance.drift() * (balance.momentum * balance.size).sum()
+
+    def along(t):
+        return 1.9 * t - 0.83 + 0.2 * t * (1 - t)
+
+    def height(t):
+        return 0.5 * np.sin(3 * t)
+
+    plane = displaced(free(lambda q: np.tanh(q[0])), ["x"], lambda t: [along(t)])
+    lift = displaced(
+        free(lambda q: np.tanh(q[0])),
+        ["x", "y"],
+        lambda t: [along(t), height(t)],
+        constraint=lambda q, t: q[1] - height(t),
+    )
+    assert lift == pytest.approx(plane, rel=1e-6)
+    assert plane > 1e-3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("a", [1 / 3, 0.7])
 @pytest.mark.parametrize("height", [0.1, 1.0])
