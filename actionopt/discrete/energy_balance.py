@@ -400,10 +400,12 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
 
 def _at_ends(tr: Transcription, x: Array) -> tuple[Array, Array, Array]:
     """Return v and L_v (n, elements, 2), and L (elements, 2), at the ends of each element."""
-    point, at, shape = tr.place(x), tr.layout.element_ends, (-1, tr.mesh.elements, 2)
-    v, t = point.v[at], tr.times if tr.times.shape[0] == 1 else tr.times[at]
-    _, p, L = tr.problem.system.pointwise("first")(point.at[at], v, t, tr.problem.packed)
-    return v.T.reshape(shape), np.array(p.T, order="C").reshape(shape), L.reshape(shape[1:]).copy()
+    point, ends, shape = tr.place(x), tr.layout.element_ends, (-1, tr.mesh.elements, 2)
+    # At all nodes: for as many times the function is ready.
+    first = tr.problem.system.pointwise("first")
+    _, p, L = first(point.at, point.v, tr.times, tr.problem.packed)
+    v, p, L = (y[ends].T.copy() for y in (point.v, p, L))
+    return v.reshape(shape), p.reshape(shape), L.reshape(shape[1:])
 
 
 def _explicit(problem: Problem, q: Array, v: Array, t: Array) -> Array:
