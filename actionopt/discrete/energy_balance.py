@@ -275,7 +275,8 @@ class Balance:
         off = np.concatenate([part.ravel() for part in self.off])[: low.size]
         at = np.flatnonzero(np.abs(off) > ROUNDOFF * (self.unit + self.read))
         steps = np.zeros(low.size)
-        q, v = (part.T for part in self.at.path.carried_on(np.concatenate([low[at], high[at]]), 1.0))
+        ends = np.concatenate([low[at], high[at]])
+        q, v = (part.T for part in self.at.path.carried_on(ends, 1.0))
         L = [
             problem.system.pointwise("first")(q, v, t[:, None], problem.packed)[2][:, 0].copy()
             for t in (problem.start.t + np.tile(since[at], 2) for since in (low, high))
@@ -288,8 +289,8 @@ class Balance:
         """Return how far velocities that are rounded change what is `off`, in one array.
 
         On an element of the length h and of degree d velocities are known to EPS s d^2 / h. L_v dv
-        of that is balanced, and L_vv dv^2 is left, with L_v / v for L_vv. (Measured at h = 1e-9 to 1e-13 of the time:
-        0.07 of that at most.)
+        of that is balanced, and L_vv dv^2 is left, with L_v / v for L_vv. (Measured at h = 1e-9 to
+        1e-13 of the time: 0.07 of that at most.)
         """
         degree = np.array(self.at.mesh.degrees)
         with np.errstate(all="ignore"):
