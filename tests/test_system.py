@@ -359,6 +359,11 @@ BAD_SYSTEMS = [
         r"expected parameters by name, such as .*, found \[1.0\]; put each value",
     ),
     (lambda: System(simple, ["x"], parameters={1: 1.0}), "expected parameters by name"),
+    (lambda: System(simple, ["x"], parameters={"leg_times": 1.0}), "a problem puts the times at"),
+    (
+        lambda: System(simple, ["x"], parameters={"integral_multipliers": 1.0}),
+        "a problem puts the multipliers of integrals there; choose another name",
+    ),
     (lambda: System(simple, ["x"], parameters={"m": 1j}), "numbers for parameter 'm', found 1j"),
     (lambda: System(simple, ["x"], name=3), "name .* as text"),
     (lambda: System(simple, []), "at least one coordinate"),

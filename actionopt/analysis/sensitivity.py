@@ -24,10 +24,9 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.layout import BorderedLayout, border_matrix
 from actionopt.discrete.stretch import explicit
 from actionopt.discrete.surfaces import reactions, surface_at
-from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Tail
-from actionopt.mechanics.system import MULTIPLIERS, System
+from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import RANK, Array

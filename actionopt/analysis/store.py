@@ -24,11 +24,10 @@ from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.events import Bounce, Event, State
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem
 from actionopt.mechanics.surface import Surface
-from actionopt.mechanics.system import MULTIPLIERS, System
+from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.types import Array
 
 # What a file must say twice, relative to its size. Ad hoc: far above the round-off of another

@@ -22,10 +22,8 @@ import numpy as np
 
 from actionopt.mechanics.events import Bounce, Event, Periodic
 from actionopt.mechanics.surface import with_surface
-from actionopt.mechanics.system import System
+from actionopt.mechanics.system import SWITCHES, System
 from actionopt.tools.types import Array
-
-SWITCHES = "leg_times"  # the parameter that holds the times at which laws of legs take turns
 
 
 def take_turns(systems: Sequence[Any]) -> System:

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.course import SWITCHES, check_course, take_turns
+from actionopt.mechanics.course import check_course, take_turns
 from actionopt.mechanics.events import Event, Periodic, Tail
 from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.surface import with_parameters, with_surface
-from actionopt.mechanics.system import MULTIPLIERS, System
+from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.checks import by_name, number, numbers
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array
@@ -79,7 +79,11 @@ class Problem:
         If the events do not fit the system, lie off its constraint surface or inside its
         obstacle, or the times do not increase, by 1e-100 to 1e100; a parameter is unknown, a
         constraint contains no coordinate, what an event lies on does not fit, or there is no
-        system.
+        system. If events between the ends give nothing, are not as many as the laws of legs less
+        one, or go with what is not known of them: a Periodic end, an infinite time, an obstacle;
+        a constraint or a force where times or places are to be found. If the values of integrals
+        are not as many as the system has, or go with several laws, a constraint, a Periodic end
+        or an infinite time.
     """
 
     system: System

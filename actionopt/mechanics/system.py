@@ -54,7 +54,8 @@ TRAVELLING = ("structure", "switches", "clock", "energy_is_mechanical")
 DISTANT, LEAST_SLOPE = 100.0, 1e-300
 KEPT_SYSTEMS = 8  # that were loaded, whether or not they are in use: a worker's, ad hoc
 
-MULTIPLIERS = "integral_multipliers"  # the parameter kappa (c,) of L + kappa.g
+# Parameters of our own: kappa (c,) of L + kappa.g, and the times at which laws of legs take turns.
+MULTIPLIERS, SWITCHES = "integral_multipliers", "leg_times"
 
 
 class System(Laws):
@@ -87,7 +88,8 @@ class System(Laws):
     ------
     ValueError
         If a callable has the wrong signature, cannot be traced or returns the wrong shape, or
-        a parameter is missing, unused or not finite.
+        a parameter is missing, unused or not finite, or has a name of our own, leg_times or
+        integral_multipliers.
 
     Notes
     -----
@@ -199,6 +201,15 @@ class System(Laws):
         if not isinstance(name, str):
             raise ValueError(f"expected the name of a system as text, found {name!r}")
         names_of, table = _names(coordinates), ParameterTable(parameters)
+        for own, what in (
+            (MULTIPLIERS, "the multipliers of integrals"),
+            (SWITCHES, "the times at which laws of legs take turns"),
+        ):
+            if own in table.shapes:
+                raise ValueError(
+                    f"expected parameters of other names than {own!r}, found it: a problem puts "
+                    f"{what} there; choose another name"
+                )
         n, symbols = len(names_of), _symbols(len(names_of), table)
         Q, V, T = Expressions(symbols.q, 1), Expressions(symbols.v, 1), Expressions(symbols.t, 0)
         named = table.by_name(symbols.p)

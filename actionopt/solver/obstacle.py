@@ -83,7 +83,7 @@ class ContactChange(Exception):
 
 
 @dataclass(eq=False)
-class Along(Workspace):
+class Along(Workspace[Iterate]):
     """What a search for a path along an obstacle works on: its problem is `Held`.
 
     Attributes
@@ -108,14 +108,7 @@ class Along(Workspace):
         """What was asked; at the duration at hand, where that is to be found."""
         return self.contact_problem.free
 
-    @property
-    def here(self) -> Iterate:
-        """The iterate at hand."""
-        assert self.iterate is not None
-        return self.iterate
-
-    @here.setter
-    def here(self, there: Iterate) -> None:
+    def _stand_at(self, there: Iterate) -> None:
         self.iterate, self.problem = there, there.problem  # its duration may be another
 
     def answer(self) -> tuple[Problem, DiscretePath]:

@@ -26,9 +26,10 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
-from actionopt.mechanics.course import SWITCHES, sides
+from actionopt.mechanics.course import sides
 from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem, diagonal
+from actionopt.mechanics.system import SWITCHES
 from actionopt.solver.arguments import Guess
 from actionopt.solver.family import may_be_family
 from actionopt.solver.rays import Ray, rays

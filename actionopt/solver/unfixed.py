@@ -76,7 +76,7 @@ PUSHED, HELD_FORCE = 1e-8, 1.0
 
 
 @dataclass(eq=False)
-class Unfixed(Workspace):
+class Unfixed(Workspace[UnfixedPath]):
     """What a search for a path works on whose duration is free, or that closes anywhere.
 
     Attributes
@@ -91,7 +91,6 @@ class Unfixed(Workspace):
         Motions of configuration space that a closed path may be subjected to.
     """
 
-    iterate: UnfixedPath | None = None
     found_by: str = "none"
     along: tuple[Path, ...] = ()
     times: Array | None = None
@@ -101,16 +100,6 @@ class Unfixed(Workspace):
         self.moves = moves_of(self.problem)
 
     # -- what is other than between given events --------------------------------------------------
-
-    @property
-    def here(self) -> UnfixedPath:
-        """The iterate at hand."""
-        assert self.iterate is not None
-        return self.iterate
-
-    @here.setter
-    def here(self, there: UnfixedPath) -> None:
-        self.iterate = there
 
     def _at(self, mesh: Mesh, path: Path | None, lam: Array | None, like: Path | None) -> Iterate:
         """Return the iterate on `mesh`, starting from `path` there."""

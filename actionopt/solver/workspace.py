@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import perf_counter
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 
@@ -65,8 +66,11 @@ MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measur
 UNLIKELY = 100.0  # ratio of global to local error that has another reason as a rule; flat
 
 
+Place = TypeVar("Place", bound=Iterate)
+
+
 @dataclass(eq=False)
-class Workspace:
+class Workspace(Generic[Place]):
     """The iterate at hand (`here`) and the ways to move it.
 
     A way that leads nowhere says so and leaves the iterate where it was, or where it was lost:
@@ -122,7 +126,7 @@ class Workspace:
     best: Iterate | None = None
     unpolished: Iterate | None = None
     unbalance: Jump | Imbalance | None = None
-    iterate: Iterate | None = None
+    iterate: Place | None = None
 
     @property
     def question(self) -> Problem:
@@ -130,14 +134,17 @@ class Workspace:
         return self.problem
 
     @property
-    def here(self) -> Iterate:
+    def here(self) -> Place:
         """The iterate at hand. There is none before `transcribe`."""
         assert self.iterate is not None
         return self.iterate
 
     @here.setter
     def here(self, there: Iterate) -> None:
-        self.iterate = there
+        self._stand_at(there)
+
+    def _stand_at(self, there: Iterate) -> None:
+        self.iterate = cast(Place, there)
 
     @property
     def large(self) -> bool:
