@@ -11,9 +11,10 @@ from scipy.optimize import brentq
 import actionopt as ao
 import actionopt.analysis.second_variation as second_variation_module
 from actionopt import scenes
-from actionopt.analysis.index import inertia
+from actionopt.analysis.index import inertia, inertia_of
 from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import lowest, second_variation
+from actionopt.analysis.regular import regular_index
 from actionopt.analysis.second_variation import condense
 from actionopt.discrete.factors import kkt_nonzeros
 
@@ -319,7 +320,7 @@ def test_plain_solve_counts_nothing(monkeypatch):
         raise AssertionError("nobody asked for the second variation")
 
     for name in (
-        "actionopt.analysis.index.inertia",
+        "actionopt.analysis.index.regular_index",
         "actionopt.analysis.jacobi.resolve",
         "actionopt.analysis.jacobi.fields",
     ):
@@ -524,3 +525,40 @@ def test_the_error_of_multipliers_is_relative_to_the_largest():
     off = np.nanmax(np.abs(solution.lam - exact)) / np.max(np.abs(exact))
     assert off > 1e-9
     assert solution.multiplier_error == pytest.approx(8 * off, rel=1e-6)
+
+
+# -- from one factorization -----------------------------------------------------------------------
+
+
+def springs(q, v, t):
+    stretched = np.concatenate([q[:1], q[1:] - q[:-1], q[-1:]])
+    return v @ v / 2 - stretched @ stretched / 2
+
+
+@pytest.mark.parametrize(("masses", "T"), [(3, 3.0), (24, 2.0), (24, 9.7)])
+def test_many_coordinates_against_the_modes_of_a_row_of_springs(masses, T):
+    """Each mode of frequency w has passed w T / pi conjugate times; in blocks, and sparsely."""
+    system = ao.System(springs, [f"u{k}" for k in range(masses)])
+    shape = np.sin(np.arange(masses) ** 2.0)
+    problem = ao.Problem(system, ao.Event(0.0, shape), ao.Event(T, shape[::-1]))
+    solution = ao.solve(problem)
+    frequencies = 2 * np.sin(np.pi * np.arange(1, masses + 1) / (2 * masses + 2))
+    assert solution.discrete.tr.layout.storage == ("blocks" if masses == 3 else "sparse")
+    assert regular_index(solution.discrete, 1e-9, 1e-5) == np.sum(frequencies * T // np.pi)
+
+
+def test_an_eigenvalue_near_zero_is_left_to_the_count_that_tells():
+    T = 3 * np.pi / W
+    for part, told in ((1 - 1e-3, 2), (1 - 1e-5, None), (1.0, None), (1 + 1e-5, None), (1.001, 3)):
+        problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 0.0), ao.Event(part * T, 0.0))
+        at = ao.solve(problem, throw=False).discrete
+        assert regular_index(at, 1e-12, 1e-5) == told
+
+
+def test_chain_against_all_pivots():
+    scene = scenes.get("chain", links=8)
+    solution = ao.solve(scene.problem, guess=scene.guess)
+    at = solution.discrete
+    assert at.tr.layout.storage == "sparse"
+    expected = inertia_of(resolve(at, solution.error, 1e-6)).index
+    assert regular_index(at, solution.error, 1e-5) == expected > 0

@@ -21,6 +21,7 @@ from typing import Literal
 import numpy as np
 
 from actionopt.analysis.jacobi import improve, resolve
+from actionopt.analysis.regular import regular_index
 from actionopt.analysis.second_variation import (
     BorderTerm,
     Form,
@@ -102,9 +103,14 @@ def inertia(
     (1963), section 15.
     """
     if isinstance(at.problem, Held):
-        return _inertia_in_contact(at, _tolerance(error))
+        return _inertia_in_contact(at, tolerance_of(error))
     if tolerance is not None:
         return inertia_of(resolve(at, error, INDEX_RESOLUTION), tolerance, moves)
+    if not moves:
+        known = tolerance_of(error)
+        index = regular_index(at, error, max(known, NEAR_ZERO))
+        if index is not None:
+            return Inertia(index, 0, None, known)
     return _count(at, error, moves)[0]
 
 
@@ -118,12 +124,11 @@ def _count(
     `asked` where its duration was found: a family may be of one duration, and not of those beside.
     """
     form = resolve(at, error, INDEX_RESOLUTION)
-    error = float(np.fmin(error, 1.0))  # unknown ones are not finite
-    tolerance = float(np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST))
+    tolerance = tolerance_of(error)
     found = _all_moves(form, max(tolerance, NEAR_ZERO), moves)
     if found.nullity <= moves:
         return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE)), form
-    if error > POLISHED:
+    if not error <= POLISHED:
         with suppress(ValueError):  # a spurious path may be resolved on no mesh
             if asked is not None:
                 found = with_duration(found, *asked, form)
@@ -155,7 +160,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     lam = None if rows is None else np.nan_to_num(rows)
     bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
     if isinstance(at.problem, Held):
-        return _inertia_in_contact(bordered.discrete(y), _tolerance(error), (bordered, y))
+        return _inertia_in_contact(bordered.discrete(y), tolerance_of(error), (bordered, y))
     known = bordered.phases
     there = bordered.discrete(y) if asked.closes else at
     found, form = _count(there, error, known, (bordered, y))
@@ -191,7 +196,7 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     layout, matrix, kinetic = equations.layout, equations.kkt(z), equations.kinetic(z)
     borders = equations.borders if isinstance(equations, Bordered) else ()
     multipliers = sum(border.multipliers for border in borders)
-    tolerance = float(np.clip(ERROR_GAIN * np.fmin(error, 1.0), INDEX_TOLERANCE, LOOSEST))
+    tolerance = tolerance_of(error)
 
     def below(mu: float) -> int:
         return Factors(layout, matrix - mu * kinetic).negative() - layout.rows - multipliers
@@ -274,8 +279,8 @@ def _duration(form: Form, bordered: Bordered) -> tuple[BorderTerm, float] | None
     return BorderTerm(float(row[there.late]) * unit, parts), kinetic
 
 
-def _tolerance(error: float) -> float:
-    """Return below which eigenvalues have no sign along a path in contact, known to `error`."""
+def tolerance_of(error: float) -> float:
+    """Return |mu| below which eigenvalues have no sign along a path known to `error`, if it is."""
     return max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE)
 
 

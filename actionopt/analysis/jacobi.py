@@ -18,7 +18,7 @@ from actionopt.analysis.second_variation import (
     Form,
     check_independent,
     check_legendre,
-    coefficients,
+    coefficient_entries,
     form,
 )
 from actionopt.discrete.bordered import Bordered
@@ -85,7 +85,7 @@ def resolve(first: DiscretePath, error: float, tol: float, *, polish: bool = Fal
     """
     found = form(first)
     for _ in range(FIELD_ROUNDS):
-        check_independent(found, error)
+        check_independent(found.at, found.units, error)
         tr = found.tr
         mesh = finer(tr.mesh, tol, form=found, Q=found.at.Q / tr.lengths if polish else None)
         if mesh is None:
@@ -117,7 +117,7 @@ def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
         z, force = near
         tr = equations.at(z)
         found = form(DiscretePath(tr, z[: tr.layout.size]))
-        check_independent(found, tol)
+        check_independent(found.at, found.units, tol)
         mesh = finer(tr.mesh, tol, form=found, Q=found.at.Q / tr.lengths)
         if mesh is None:
             return found if force < FREE_FORCE else None
@@ -171,21 +171,38 @@ def finer(
     coefficients, and the nodal coordinates Q (K, n), in units of their sizes. Raises ValueError
     where elements become too short to be split.
     """
-    if form is not None and not form.freedom:
-        form = None
-    jacobi = fields(form) if form is not None else []
-    tail = np.zeros(mesh.elements) if form is None else _left_out(form)
-    for g in mesh.groups:
-        tables = [] if Q is None else [Q[g.nodes]]
-        if form is not None:
+    tail = np.zeros(mesh.elements)
+    if Q is not None:
+        tail = tails(mesh, [Q[g.nodes] for g in mesh.groups])
+    if form is not None and form.freedom:
+        jacobi, tables = fields(form), []
+        for g in mesh.groups:
             a = np.stack([jacobi[e] for e in g.elements])
             eta = np.einsum("eknr,ekrc->eknc", form.basis[g.nodes], a)
             table = eta.reshape(*g.nodes.shape, -1)
             tables.append(table / np.max(np.abs(table), axis=(1, 2), keepdims=True))
-        for table in tables:
-            size = np.abs(g.rule.to_legendre @ table)
-            last = size[:, -2:] if g.rule.degree > LOW_DEGREE else size
-            tail[g.elements] = np.maximum(tail[g.elements], np.max(last, axis=(1, 2)))
+        tail = np.maximum(tail, np.maximum(tails(mesh, tables), coefficients_left_out(form.at)))
+    return refine_where(mesh, tail, tol)
+
+
+def tails(mesh: Mesh, tables: list[Array]) -> Array:
+    """Return the largest of the last Legendre coefficients on each element, (N,).
+
+    Of tables (E, d + 1, c) of values at the nodes of the elements of each degree.
+    """
+    tail = np.zeros(mesh.elements)
+    for g, table in zip(mesh.groups, tables, strict=True):
+        size = np.abs(g.rule.to_legendre @ table)
+        last = size[:, -2:] if g.rule.degree > LOW_DEGREE else size
+        tail[g.elements] = np.max(last, axis=(1, 2))
+    return tail
+
+
+def refine_where(mesh: Mesh, tail: Array, tol: float) -> Mesh | None:
+    """Return a mesh finer where the coefficients left out, `tail` (N,), are more than `tol`.
+
+    None where none is. Raises ValueError where elements become too short to be split.
+    """
     if np.max(tail) <= tol:
         return None
     degrees = np.array(mesh.degrees)
@@ -207,34 +224,35 @@ def finer(
     return mesh.cut(np.concatenate([*pieces, b[-1:]]), np.repeat(degrees, parts))
 
 
-def _left_out(form: Form) -> Array:
+def coefficients_left_out(at: DiscretePath) -> Array:
     """Return what each element's degree leaves out of the coefficients of d2S, (N,).
 
     Relative to L_vv, with the element's length as the unit of time. They are sampled between the
     nodes: at the nodes alone, what varies faster looks smooth.
     """
-    tr, mesh = form.tr, form.tr.mesh
+    tr, mesh, n = at.tr, at.mesh, at.problem.system.n
     least, tail = -(-COEFFICIENT_SAMPLES // mesh.elements), np.zeros(mesh.elements)
     for g in mesh.groups:
         fine = lgl(min(max(2 * g.rule.degree + 2, least), 2 * MAX_DEGREE + 2))
         weights = g.rule.interpolation(fine.nodes)
         h = mesh.lengths[g.elements]
-        q = weights @ form.at.Q[g.nodes]
-        v = (weights @ g.rule.derivative) @ form.at.Q[g.nodes] * (2 / h)[:, None, None]
+        q = weights @ at.Q[g.nodes]
+        v = (weights @ g.rule.derivative) @ at.Q[g.nodes] * (2 / h)[:, None, None]
         middle = (mesh.since[g.elements] + mesh.since[g.elements + 1]) / 2
         t = mesh.boundaries[0] + (middle[:, None] + h[:, None] / 2 * fine.nodes)
-        n = q.shape[2]
-        A, B, C, _ = coefficients(tr.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1))
-        shape = (g.elements.size, fine.degree + 1, n, n)
-        mass = np.abs(np.einsum("ekaa->eka", C.reshape(shape))).max(axis=1)
+        entries = coefficient_entries(
+            tr.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1)
+        )
+        shape = g.elements.size, fine.degree + 1, -1
+        (row, col, C), mass = entries[2], np.zeros((g.elements.size, n))
+        own = row == col
+        mass[:, row[own]] = np.abs(C.reshape(shape)[:, :, own]).max(axis=1)
         mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=1, keepdims=True)))
-        size = (mass[:, :, None] * mass[:, None, :]).reshape(g.elements.size, 1, -1)
-        for X, power in ((A, 2), (B, 1), (C, 0)):
-            table = (
-                X.reshape(g.elements.size, fine.degree + 1, n * n)
-                / size
-                * h[:, None, None] ** power
-            )
+        for (row, col, X), power in zip(entries, (2, 1, 0), strict=True):
+            if not row.size:
+                continue
+            size = (mass[:, row] * mass[:, col])[:, None]
+            table = X.reshape(shape) / size * h[:, None, None] ** power
             with np.errstate(invalid="ignore"):  # infinite ones are not resolved
                 beyond = np.abs(fine.to_legendre[max(g.rule.degree - 1, 0) :] @ table)
             beyond = np.nan_to_num(beyond, nan=np.inf).max(axis=(1, 2))

@@ -252,7 +252,7 @@ def coefficients(
     """
     A, B, C = second_derivatives(problem, q, v, t)
     system = problem.system
-    coupling = system.memoize("coupling", lambda: _coupling(system))
+    coupling = couples_at_rest(system)
     if coupling is None:
         return A, B, C, None
     # A Lagrangian that is singular at rest has none of which this S would be a part.
@@ -261,15 +261,35 @@ def coefficients(
     return A - rate, B - S, C, S
 
 
-def _coupling(system: System) -> Pointwise | None:
+def coefficient_entries(
+    problem: Problem, q: Array, v: Array, t: Array
+) -> list[tuple[NDInt, NDInt, Array]]:
+    """Return rows, columns and values (K, nonzeros) of each of the first three `coefficients`."""
+    system, n = problem.system, problem.system.n
+    if couples_at_rest(system) is None:
+        second = system.pointwise("second")
+        values = second(q, v, t, problem.packed)
+        return [(*second.sparsity(i), values[i]) for i in range(3)]
+    row, col = np.divmod(np.arange(n * n), n)
+    full = coefficients(problem, q, v, t)[:3]
+    return [(row, col, X.reshape(len(q), -1)) for X in full if X is not None]
+
+
+def couples_at_rest(system: System) -> Pointwise | None:
     """Return the function of S(q, t) and dS/dt along a path; None where S is zero."""
+    return system.memoize("coupling", lambda: _coupling(system))
+
+
+def _coupling(system: System) -> Pointwise | None:
     s, n = system.symbols, system.n
     mixed = ca.substitute(system.derivatives.Lqv, s.v, ca.SX.zeros(n))
     S = ca.sparsify((mixed + mixed.T) / 2)
+    if not S.nnz():
+        return None
     rate = ca.jtimes(ca.vec(S), s.q, s.v) + ca.jacobian(ca.vec(S), s.t)
     outputs = [ca.densify(ca.vec(S)), ca.densify(rate)]
     function = ca.Function("coupling", [s.q, s.v, s.t, s.p], outputs)
-    return Pointwise(function) if S.nnz() else None
+    return Pointwise(function)
 
 
 def second_derivatives(problem: Problem, q: Array, v: Array, t: Array) -> tuple[Array, ...]:
@@ -285,20 +305,21 @@ def tangent(problem: Problem, q: Array, t: Array, units: Array) -> Array:
     system = problem.system
     if not system.m:
         return np.broadcast_to(np.eye(system.n), (len(q), system.n, system.n))
-    _, _, right = np.linalg.svd(_normals(problem, q, t) * units)
+    _, _, right = np.linalg.svd(normals(problem, q, t) * units)
     return np.swapaxes(right[:, system.m :], 1, 2)
 
 
-def check_independent(form: Form, error: float) -> None:
+def check_independent(at: DiscretePath, units: Array, error: float) -> None:
     """Raise ValueError where the constraints hardly are independent, for a path off by `error`.
 
-    There, as where a mechanism passes a flat position, G loses a singular value. Once this is as
-    small as the path is inaccurate, the tangent plane may have any direction.
+    There, as where a mechanism passes a flat position, G loses a singular value, in `units` (n,) of
+    the coordinates. Once this is as small as the path is inaccurate, the tangent plane may have any
+    direction.
     """
-    tr, m = form.tr, form.tr.problem.system.m
-    if not m:
+    problem, mesh = at.problem, at.mesh
+    if not problem.system.m:
         return
-    G = _normals(tr.problem, form.at.Q, tr.mesh.nodes[:, None]) * form.units
+    G = normals(problem, at.Q, mesh.nodes[:, None]) * units
     size = np.linalg.norm(G, axis=2).max(axis=0)
     values = np.linalg.svd(G / np.where(size > 0, size, 1.0)[:, None], compute_uv=False)
     least = values.min(axis=1)
@@ -308,10 +329,10 @@ def check_independent(form: Form, error: float) -> None:
         else BLURRED * ASSUMED_ERROR
     )
     if np.min(least) <= known * np.median(least):
-        raise dependent(float(tr.mesh.nodes[np.argmin(least)]))
+        raise dependent(float(mesh.nodes[np.argmin(least)]))
 
 
-def _normals(problem: Problem, q: Array, t: Array) -> Array:
+def normals(problem: Problem, q: Array, t: Array) -> Array:
     """Return G at q (K, n), shape (K, m, n)."""
     system = problem.system
     jacobian = system.pointwise("constraint_jacobian")

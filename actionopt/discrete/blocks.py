@@ -366,6 +366,20 @@ class Condensed:
         found = full.ravel()[blocks.places]
         return np.concatenate([found, beside]) if self.carried else found
 
+    def between(self, ends: list[Array]) -> list[Array]:
+        """Return all nodes (E, d + 1, f, c) of elements whose `ends` (E, 2, f, c) are given.
+
+        Inside, the equations hold without a right side.
+        """
+        found, f = [], self.blocks.width
+        for inner, given in zip(self.inner, ends, strict=True):
+            local = np.zeros((*inner.W.shape[:2], given.shape[3]))
+            local[:, -2 * f : -f], local[:, -f:] = given[:, 1], given[:, 0]
+            inner.substitute(local)
+            inside = local[:, : inner.places].reshape(len(local), -1, *given.shape[2:])
+            found.append(np.concatenate([given[:, :1], inside, given[:, 1:]], axis=1))
+        return found
+
     def _eliminate(self, full: Array, *, rows: bool = False) -> tuple[list[Array], Array]:
         """Eliminate from right sides (K, f, c), or from `rows` beside the matrix: forward.
 

@@ -15,6 +15,7 @@ from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.layout import SLIM, BorderedLayout, MatrixLayout, Pattern
@@ -106,8 +107,8 @@ class Factors:
         return _regular(self.layout, kkt_nonzeros(self.layout, self.nonzeros))
 
     @cached_property
-    def _kept_solver(self) -> _Kept:
-        return _Kept(self.layout, self.nonzeros)
+    def _kept_solver(self) -> SparseFactors:
+        return SparseFactors(self.layout, self.nonzeros)
 
     @cached_property
     def _condensed_blocks(self) -> Condensed:
@@ -204,7 +205,7 @@ class Factors:
         if layout.storage == "blocks":
             return self._condensed_blocks.negative()
         if layout.keeps_factors:
-            return self._kept_solver.negative
+            return self._kept_solver.negative()
         matrix, solver = _matrix(layout, _regular(layout, self.nonzeros)), _solver(layout, "ldl")
         solver.analysed.nfact(matrix)
         return int(solver.analysed.neig(matrix))
@@ -325,7 +326,7 @@ class Sparse:
         return self._solved.copy()
 
 
-class _Kept:
+class SparseFactors:
     """The factors of a large sparse matrix, which cost what many solutions do.
 
     CasADi does not tell its linear solvers' factors apart from their solutions; it returns those
@@ -358,9 +359,8 @@ class _Kept:
         x[self._order] = found
         return x
 
-    @property
     def negative(self) -> int:
-        """The number of negative pivots."""
+        """Return the number of negative pivots."""
         return int(np.sum(self._factors[0].full() < 0))
 
 
@@ -391,7 +391,9 @@ class _Edged:
         held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
         K = K + size * held
         self._inner = (
-            _Kept(inner, K).solve if inner.needs_no_pivoting else partial(_solver(inner, "qr"), K)
+            SparseFactors(inner, K).solve
+            if inner.needs_no_pivoting
+            else partial(_solver(inner, "qr"), K)
         )
         E = np.zeros((n, springs.size))
         E[springs, np.arange(springs.size)] = 1.0
@@ -427,6 +429,19 @@ def _largest(columns: Array) -> NDInt:
         unit = left[k] / np.sqrt(size[k])
         left = left - np.outer(left @ unit, unit)
     return np.unique(rows).astype(int)
+
+
+def factorize_part(
+    layout: MatrixLayout, nonzeros: Array, keep: NDArray[np.bool_]
+) -> Callable[[Array], Array]:
+    """Return what solves with the rows and columns to `keep` (size,), k of them, for (k, c)."""
+    number, pattern = np.cumsum(keep) - 1, layout.kkt
+    mine = keep[pattern.row] & keep[pattern.col]
+    size = int(keep.sum())
+    part = Pattern((size, size), number[pattern.row[mine]], number[pattern.col[mine]], mine)
+    values = _regular(layout, kkt_nonzeros(layout, nonzeros))[mine]
+    factors = ca.ldl(ca.DM(part.sparsity, memoryview(values)))  # type: ignore
+    return lambda right: ca.ldl_solve(ca.DM(right), *factors).full()  # type: ignore
 
 
 def negative_eigenvalues(layout: MatrixLayout, nonzeros: Array) -> int:

@@ -320,7 +320,7 @@ class _TraceRun:
             return -1
         try:
             found = form(point.at)
-            check_independent(found, self.tol)
+            check_independent(found.at, found.units, self.tol)
             inertia = inertia_of(found)
             if isinstance(point.tr, Bordered):
                 inertia = with_duration(inertia, point.tr, point.z, found)
