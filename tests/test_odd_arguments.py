@@ -16,7 +16,9 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+import sympy
 from matplotlib.animation import Animation
+from scipy.interpolate import CubicSpline
 
 import actionopt as ao
 from actionopt import plot, scenes, suite
@@ -43,6 +45,8 @@ problem = ao.Problem(free, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
 solution = ao.solve(problem)
 mesh = ao.Mesh.uniform(0.0, 1.0, 2, 4)
 line = ao.Path.interpolate(lambda t: t[None], mesh)
+cubic = CubicSpline([0.0, 0.5, 1.0], [0.0, 0.2, 1.0])
+x, rate, clock = sympy.symbols("x rate clock")
 runs = ao.sweep(problem, {"t1": [0.9, 1.0]})
 
 
@@ -217,8 +221,10 @@ def method_calls(folder):
         "Mesh.uniform": ((0.0, 1.0, 2, 4), {}),
         "Motion.plain": ((), {}),
         "Path.interpolate": ((lambda t: t[None], mesh), {}),
+        "Path.from_ppoly": ((cubic,), {}),
         "Path.legendre": ((), {}),
         "Path.on": ((mesh,), {}),
+        "Path.to_ppoly": ((), {}),
         "Paths.__getitem__": ((0,), {}),
         "Periodic.at": ((2.0,), {}),
         "Periodic.shifted": (([1.0],), {}),
@@ -228,11 +234,19 @@ def method_calls(folder):
         "Runs.save": ((file,), {}),
         "Runs.solution": ((0,), {}),
         "Runs.to_xarray": ((), {"units": {"action": "J s"}}),
+        "Solution.action_function": ((), {}),
         "Solution.compare": ((), {}),
+        "Solution.opti": ((), {}),
         "Solution.save": ((file,), {}),
         "Solution.sensitivity": ((), {}),
+        "Solution.to_dataframe": ((), {"t": [0.5]}),
+        "Solution.to_xarray": ((), {"t": [0.5]}),
+        "System.dynamics_function": ((), {}),
+        "System.from_sympy": ((rate**2 / 2 - x**2, [x], [rate], clock), {"parameters": {},
+            "constraint": None, "force": None, "obstacle": None, "name": ""}),
         "System.geodesic": ((lambda q, v, t: (v @ v) ** 0.5, ["x"]),
             {"parameters": {}, "constraint": None, "obstacle": None, "name": ""}),
+        "System.to_sympy": ((), {}),
         "System.velocity": (([0.5], [1.0], 0.5, [1.0]), values),
         "Trace.at": ((1.05,), {}),
         "Trace.solution": ((0,), {}),

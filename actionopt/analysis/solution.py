@@ -11,14 +11,17 @@ from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.analysis.action_function import action_function, opti
 from actionopt.analysis.compare import Comparison, compare, join
 from actionopt.analysis.index import Inertia, inertia, inertia_asked, inertia_through
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
+from actionopt.analysis.tables import dataset, frame
 from actionopt.discrete.action import ActionUnits
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
@@ -496,6 +499,52 @@ class Solution:
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
         return sensitivity(self.discrete, self.error, self.momenta, self.jumps)
+
+    def action_function(self) -> ca.Function:
+        """Return the discrete action on the mesh of this path as a CasADi function.
+
+        `f(Q, ...)` takes the coordinates Q (n, K) at `mesh.nodes`, as `path.values` has them, and a
+        parameter each, by order or by name, the default of one number being that of the problem. It
+        returns `S`, `gradient` (n, K), and `hessian` (n K, n K), sparse, node by node. The work of
+        non-conservative forces is not in it, nor are constraints; at a path without these the
+        gradient vanishes at all nodes between the ends, and is minus and plus the momenta there.
+
+        Raises ValueError for closed paths, ends at infinity and several laws.
+        """
+        return action_function(self.problem, self.discrete.tr)
+
+    def opti(self) -> tuple[ca.Opti, ca.MX]:
+        """Return a CasADi `Opti` that asks for the path of least action, and its variable Q (n, K).
+
+        It holds the discrete action on the mesh of this path, what the events give, constraints
+        and obstacles at the nodes, and the path as the first guess; add to it what you like, choose
+        a solver, and solve. Q are the coordinates at `mesh.nodes`.
+
+        Raises ValueError as `action_function` does.
+        """
+        return opti(self.problem, self.path, self.discrete.tr)
+
+    def to_xarray(self, t: ArrayLike | None = None) -> Any:
+        """Return the path at K times as an xarray.Dataset, its nodes if none are given.
+
+        `q`, `v` and `p` over (coordinate, t), `energy` over t, the `multipliers` of constraints
+        over (row, t), the `contact_force` of obstacles over (obstacle_row, t); parameters, action
+        and verdict are attributes.
+
+        Raises ImportError if xarray is not installed, ValueError for times outside.
+        """
+        return dataset(self, t)
+
+    def to_dataframe(self, t: ArrayLike | None = None) -> Any:
+        """Return the path at K times as a pandas.DataFrame, its nodes if none are given.
+
+        A row for each time, which is the index `t`; columns are called as the coordinates, `v_x`
+        and `p_x` the velocity and the momentum of a coordinate x, and `energy`. The coordinates of
+        one are read as a guess: `solve(problem, guess=frame)`.
+
+        Raises ImportError if pandas is not installed, ValueError for times outside.
+        """
+        return frame(self, t)
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.splines import make_ppoly, read_pieces
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import EPS, Array
 
@@ -83,6 +85,29 @@ class Path:
             )
         values = numbers(curve(mesh.nodes), "a curve at the nodes")
         return cls(mesh, values[None, :] if values.ndim == 1 else values)
+
+    @staticmethod
+    def from_ppoly(pieces: Any) -> Path:
+        """Return piecewise polynomials of scipy's as a path, exactly.
+
+        Parameters
+        ----------
+        pieces : PPoly, BPoly, CubicSpline, PchipInterpolator, BSpline, ...
+            Of n coordinates along either axis, or of one.
+
+        Raises ValueError for anything else, and where pieces do not meet.
+        """
+        return Path(*read_pieces(pieces))
+
+    def to_ppoly(self) -> Any:
+        """Return the path as a `scipy.interpolate.PPoly`, which maps (K,) times to (n, K).
+
+        It is differentiated, integrated and searched for roots there. (Its velocity is the
+        derivative of the polynomial, whether or not the path knows another.)
+
+        Raises ImportError if scipy is not installed.
+        """
+        return make_ppoly(self.mesh, self.legendre())
 
     def __call__(self, t: ArrayLike) -> Array:
         """Return q(t): shape (n, K) for K times, (n,) for one time.

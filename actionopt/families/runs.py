@@ -24,7 +24,7 @@ from actionopt.families.sheets import leaps, sheets
 from actionopt.families.task import REFUSED, Answers
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
-from actionopt.tools.checks import flat_index
+from actionopt.tools.checks import by_name, flat_index
 from actionopt.tools.files import ready, whole
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import Array, NDInt
@@ -461,7 +461,7 @@ class Runs:
             if name in data:
                 data[name].attrs["long_name"] = text
         plain = {name: "1" for name in ("error", "index", "branch") if name in found}
-        for name, unit in (plain | dict(units or {})).items():
+        for name, unit in (plain | dict(by_name(units, "units"))).items():
             if name not in data.variables:
                 known = ", ".join(map(str, data.variables))
                 raise ValueError(f"expected units of some of {known}, found one of {name!r}")

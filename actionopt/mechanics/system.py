@@ -187,6 +187,97 @@ class System(Laws):
         system._trace("length", length, others, coordinates, parameters, name)
         return system
 
+    @classmethod
+    def from_sympy(
+        cls,
+        L: Any,
+        q: Any,
+        v: Any = None,
+        t: Any = None,
+        *,
+        parameters: Mapping[Any, ArrayLike] | None = None,
+        constraint: Any = None,
+        force: Any = None,
+        obstacle: Any = None,
+        integral: Any = None,
+        name: str = "",
+    ) -> System:
+        """Return the system of a Lagrangian that is an expression of sympy.
+
+        Parameters
+        ----------
+        L : sympy.Expr
+        q : n symbols, or functions of the time such as those of `dynamicsymbols`
+            The coordinates, in their order; they are called as these are.
+        v : n symbols or derivatives, optional
+            The velocities; without them the derivatives of functions q. Both may stand in L.
+        t : sympy.Symbol, optional
+            The time; without it that of functions q.
+        parameters : mapping of str or symbol to number, optional
+            Default values. All other symbols are parameters, too: of those that have no value here,
+            a `Problem` gives one.
+        constraint, force, obstacle, integral : expression or sequence of them, optional
+            As for the class.
+        name : str, optional
+
+        Raises
+        ------
+        ValueError
+            As the class does, and for what is no expression of these, such as second derivatives.
+        ImportError
+            If sympy is not installed.
+
+        Examples
+        --------
+        A doctest of it is in the guide, as sympy is no dependency: `System.from_sympy(m * v**2 / 2
+        - m * g * x, x, v, t, parameters={m: 1.0, g: 9.81})`.
+        """
+        from actionopt.mechanics.symbolic import Reading
+
+        reading = Reading.of(q, v, t)
+        others = {"constraint": constraint, "force": force, "obstacle": obstacle}
+        others = {role: x for role, x in {**others, "integral": integral}.items() if x is not None}
+        values = reading.values({"lagrangian": L, **others}, parameters)
+        laws = {role: reading.law(x, role) for role, x in others.items()}
+        L = reading.law(L, "lagrangian")
+        return cls(L, reading.names, parameters=values, name=name, **laws)
+
+    def to_sympy(self) -> Any:
+        """Return the laws as expressions of sympy, which unpack as (L, q, v, t).
+
+        The attributes of what is returned are `lagrangian`, `q`, `v`, `t`, `parameters` by name,
+        `constraint`, `force` and `multipliers`; `equations`, the n equations of motion and the
+        constraints, `sympy.Eq`; and `latex()`. Coordinates are functions of `t`.
+
+        Raises
+        ------
+        ValueError
+            Where an operation has no counterpart in sympy, such as a table that is interpolated.
+        ImportError
+            If sympy is not installed.
+        """
+        from actionopt.mechanics.symbolic import formulas
+
+        return formulas(self, self.table)
+
+    def dynamics_function(self) -> ca.Function:
+        """Return the equations of motion as a CasADi function.
+
+        `f(q, v, t, ...)` takes q and v (n,), t and a parameter each, by order or by name, the
+        default of one number being that of the system; it returns the accelerations `a` (n,) and
+        the multipliers `lam` (m,) of L + lam.f, as `acceleration` and `multipliers` do. CasADi
+        differentiates it, maps it and writes it as C.
+
+        Examples
+        --------
+        >>> fall = System(lambda q, v, t: v[0] ** 2 / 2 - 2 * q[0], ["x"])
+        >>> fall.dynamics_function()(q=0.0, v=1.0, t=0.0)["a"]
+        DM(-2)
+        """
+        from actionopt.mechanics.functions import dynamics_function
+
+        return dynamics_function(self, self.table)
+
     def _trace(
         self,
         role: Literal["lagrangian", "length"],
@@ -586,6 +677,10 @@ class System(Laws):
         """
         n, m = self.n, self.m
         v, target = numbers(guess, "the guess of v"), numbers(p, "p")
+        if not v.shape == target.shape == (n,):
+            raise ValueError(
+                f"expected p and the guess of v of shape ({n},), found {target.shape} and {v.shape}"
+            )
         G = self.constraint_jacobian(q, t, parameters=parameters)
         rate = self._at("constraint_rate", q, NO_VELOCITY, t, parameters)[0] if m else np.zeros(0)
 

@@ -53,13 +53,21 @@ class Values(dict[str, Array]):
         return brief(self)
 
 
+class NoValue(np.ndarray):
+    """The default of a parameter that has none, a 0-d array: a problem gives the value."""
+
+
+NO_VALUE = np.array(np.nan).view(NoValue)
+
+
 class ParameterTable:
     """Names, shapes and default values of a system's parameters, packed in a fixed order."""
 
     def __init__(self, defaults: Mapping[str, ArrayLike] | None) -> None:
         self.defaults: dict[str, Array] = {}
         for name, value in by_name(defaults, "parameters").items():
-            self.defaults[name] = _finite(name, value)
+            self.defaults[name] = value if isinstance(value, NoValue) else _finite(name, value)
+        self.needed = [name for name, x in self.defaults.items() if isinstance(x, NoValue)]
         self.shapes = {name: value.shape for name, value in self.defaults.items()}
 
     def values(self, overrides: Mapping[str, ArrayLike] | None = None) -> dict[str, Array]:
@@ -87,6 +95,12 @@ class ParameterTable:
                     f"found {number.shape}"
                 )
             result[name] = number
+        for name in self.needed:
+            if isinstance(result[name], NoValue):
+                raise ValueError(
+                    f"expected a value of the parameter {name!r}, which has no default, found "
+                    f"none; give it as parameters={{{name!r}: value}}, here or of the system"
+                )
         return result
 
     def pack(self, values: Mapping[str, Array]) -> Array:

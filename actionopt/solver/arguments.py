@@ -14,6 +14,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
+from actionopt.solver.other_curves import read_curve
 from actionopt.tools.checks import among, numbers, tolerance
 from actionopt.tools.types import Array
 
@@ -73,6 +74,24 @@ def check_problem(problem: Problem, others: Sequence[Any] = ()) -> None:
             "expected the problem, and whatever else by its name, such as tol=1e-8, found also "
             f"{', '.join(map(repr, others))}"
         )
+
+
+def read_guess(problem: Problem, guess: Any) -> Guess | None:
+    """Return a guess, also of another package's (`read_curve`), as one of `Guess`.
+
+    A curve of another package is stretched over the times of the events, if these are given.
+    Raises ValueError for a table without the coordinates, or a curve of other ones.
+    """
+    if guess is None or isinstance(guess, Solution | Path):
+        return guess
+    path = read_curve(guess, problem.system.coordinates)
+    if path is None or problem.free_time:
+        return guess if path is None else path
+    known, (t0, t1) = path, (problem.start.t, problem.end.t)
+    first, last = known.mesh.boundaries[[0, -1]]
+    rate = (last - first) / (t1 - t0) if np.isfinite(t1 - t0) else 1.0
+    since = t0 if np.isfinite(t0) else first
+    return lambda t: known(np.clip(first + rate * (t - since), first, last))
 
 
 def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:

@@ -21,7 +21,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import Guess, check_arguments, curve
+from actionopt.solver.arguments import Guess, check_arguments, curve, read_guess
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.durations import oscillations, well
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
@@ -39,6 +39,7 @@ from actionopt.tools.watch import OutOfTime
 
 def first(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the first acceptable answer; else the one of the least index, or the first attempt."""
+    guess = read_guess(problem, guess)
     best, least = None, np.inf
     for found in pursue(problem, guess, choices):
         rank = np.inf

@@ -1,0 +1,92 @@
+"""The discrete action of a solution as a function of CasADi's, and the program that it belongs to.
+
+On the mesh of the solution, of the coordinates Q (n, K) at its nodes,
+
+    S(Q) = sum_e (h_e / 2) sum_k w_k L(q_k, v_k, t_k),    v_k = (2 / h_e) sum_j D_kj q_j.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.functions import ParameterInputs
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array
+
+
+def action_function(problem: Problem, tr: Transcription) -> ca.Function:
+    """Return S, its gradient and its Hessian as `Solution.action_function` says."""
+    _check(problem)
+    system, s = problem.system, problem.system.symbols
+    given = ParameterInputs.of(system.table, problem.parameters, ["Q", "S", "gradient", "hessian"])
+    Q = ca.MX.sym("Q", system.n, tr.layout.node_count)
+    at, rates = _samples(tr)
+    q, v = Q @ at, Q @ rates
+    law = ca.Function("law", [s.q, s.v, s.t, s.p], [system.L])
+    values = law.map(tr.times.size)(q, v, tr.times.T, given.packed)
+    S = values @ ca.DM(tr.weight)
+    hessian, gradient = ca.hessian(S, Q)
+    return ca.Function(
+        "action",
+        [Q, *given.symbols],
+        [S, ca.reshape(gradient, Q.shape), hessian],
+        ["Q", *given.names],
+        ["S", "gradient", "hessian"],
+        {"default_in": [0.0, *given.defaults]},
+    )
+
+
+def opti(problem: Problem, path: Path, tr: Transcription) -> tuple[ca.Opti, ca.MX]:
+    """Return the program that asks for a path of least action, as `Solution.opti` says."""
+    system, s, mesh = problem.system, problem.system.symbols, path.mesh
+    S = action_function(problem, tr)
+    program = ca.Opti()
+    Q = program.variable(system.n, mesh.nodes.size)
+    program.minimize(S(Q, *[problem.parameters[name] for name in system.table.shapes])[0])
+    ends = (problem.start, 0), (problem.end, mesh.nodes.size - 1)
+    for event, k in ends:
+        for i in event.pinned:
+            program.subject_to(Q[i, k] == event.q[i])
+    rows = ca.Function("rows", [s.q, s.t, s.p], [system.f, system.outside])
+    given = {k for event, k in ends if len(event.pinned) == system.n}
+    for k in range(mesh.nodes.size) if system.m or system.r else ():
+        f, outside = rows(Q[:, k], mesh.nodes[k], problem.packed.T)
+        if system.m and k not in given:
+            program.subject_to(f == 0)
+        if system.r and k not in given:
+            program.subject_to(outside >= 0)
+    program.set_initial(Q, path.values)
+    return program, Q
+
+
+def _check(problem: Problem) -> None:
+    """Raise ValueError where more belongs to the discrete action than a sum of one law."""
+    if not isinstance(problem, Problem) or problem.has_tails or problem.closes or problem.laws:
+        raise ValueError(
+            "expected a path between two events at finite times with one law, whose discrete "
+            f"action is a sum over its nodes, found {problem.name}; closed paths, ends at infinity "
+            "and several systems are not written so"
+        )
+
+
+def _samples(tr: Transcription) -> tuple[ca.DM, ca.DM]:
+    """Return the matrices (K, evaluations) that map Q (n, K) to q and v where L is evaluated."""
+    row: list[Array] = []
+    col: list[Array] = []
+    slopes: list[Array] = []
+    for g in tr.layout.groups:
+        E, size = g.nodes.shape
+        into = np.arange(g.span.start, g.span.stop).reshape(E, size)
+        D = g.rule.derivative[None] * (2 / tr.mesh.lengths[g.elements])[:, None, None]
+        row.append(np.broadcast_to(g.nodes[:, None, :], D.shape).ravel())
+        col.append(np.broadcast_to(into[:, :, None], D.shape).ravel())
+        slopes.append(D.ravel())
+    shape = tr.layout.node_count, tr.times.size
+    rates = ca.DM.triplet(
+        np.concatenate(row).tolist(), np.concatenate(col).tolist(), np.concatenate(slopes), *shape
+    )
+    each = np.arange(tr.times.size).tolist()
+    return ca.DM.triplet(tr.layout.node_of.tolist(), each, np.ones(len(each)), *shape), rates

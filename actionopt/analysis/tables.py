@@ -1,0 +1,67 @@
+"""A path as a table with names: an xarray.Dataset, a pandas.DataFrame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.tools.checks import numbers
+from actionopt.tools.types import Array
+
+
+def dataset(solution: Any, t: ArrayLike | None) -> Any:
+    """Return what `Solution.to_xarray` says."""
+    try:
+        import xarray  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise ImportError(
+            "expected xarray to be installed, found none: pip install 'actionopt[xarray]'"
+        ) from error
+
+    times, problem = _times(solution, t), solution.problem
+    system, along = problem.system, ["coordinate", "t"]
+    found: dict[str, Any] = {
+        "q": (along, solution(times)),
+        "v": (along, solution.velocity(times)),
+        "p": (along, solution.momentum(times)),
+        "energy": ("t", solution.energy(times)),
+    }
+    if system.m:
+        found["multipliers"] = ["row", "t"], solution.multipliers(times)
+    if system.r:
+        found["contact_force"] = ["obstacle_row", "t"], solution.contact_force(times)
+    about = {
+        "system": problem.name,
+        "action": solution.action,
+        "error": solution.error,
+        "status": solution.status.name,
+        **{f"parameter {name}": x.ravel() for name, x in problem.parameters.items()},
+    }
+    return xarray.Dataset(found, {"t": times, "coordinate": list(system.coordinates)}, about)
+
+
+def frame(solution: Any, t: ArrayLike | None) -> Any:
+    """Return what `Solution.to_dataframe` says."""
+    try:
+        import pandas  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise ImportError(
+            "expected pandas to be installed, found none; install it by pip"
+        ) from error
+
+    times, names = _times(solution, t), solution.problem.system.coordinates
+    columns = dict(zip(names, solution(times), strict=True))
+    columns |= {f"v_{x}": row for x, row in zip(names, solution.velocity(times), strict=True)}
+    columns |= {f"p_{x}": row for x, row in zip(names, solution.momentum(times), strict=True)}
+    columns["energy"] = solution.energy(times)
+    return pandas.DataFrame(columns, index=pandas.Index(times, name="t"))
+
+
+def _times(solution: Any, t: ArrayLike | None) -> Array:
+    """Return times in a row (K,), those of the nodes where none are given."""
+    times = solution.mesh.nodes if t is None else np.atleast_1d(numbers(t, "the times"))
+    if times.ndim > 1:
+        raise ValueError(f"expected times in one row, found an array of shape {times.shape}")
+    return times
