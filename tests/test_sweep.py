@@ -12,6 +12,7 @@ import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -653,3 +654,31 @@ def test_a_sweep_out_of_time_says_how_to_go_on():
     assert runs.remainder == int(np.isnan(runs.action).sum()) > 0
     assert "interrupted" in repr(runs) and "resume=" in repr(runs)
     assert runs.retry().retried == "partly"
+
+
+def test_a_sweep_moves_waypoints_and_the_law_of_a_leg():
+    """Slopes are those of the action, and members solutions of their own."""
+    air = System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    glass = System(lambda q, v, t, *, n: n**2 * (v @ v) / 2, ["x", "y"], parameters={"n": 1.5})
+    surface = Event(None, [None, 0.0])
+    media: Any = [air, glass]
+    ray = Problem(media, Event(0, [0, 1]), Event(1, [2, -1]), through=[surface])
+    h = 1e-3
+    runs = ao.sweep(ray, {"n": [1.5 - h, 1.5, 1.5 + h], ("end", "x"): [1.0, 2.0]}, record="index")
+    assert runs.success.all() and not runs.index.any() and runs.branch.max() == 0
+    S = runs.action
+    assert runs.slopes[1, :, 0] == pytest.approx((S[2] - S[0]) / (2 * h), abs=1e-5)
+    assert runs.slopes[1, 1, 1] == pytest.approx(runs.momenta[1, 1, 1, 0])
+    found = runs.solution(1, 1)
+    assert found.action == pytest.approx(ao.solve(ray).action, abs=1e-9)
+    steps = System(
+        lambda q, v, t: v[0] ** 2 / 2 - np.cosh(q[0]), ["x"], integral=lambda q, v, t: q[0]
+    )
+    ends = Event(0, [0]), Event(2, [1])
+    problem = Problem(steps, *ends, through=[Event(0.8, [0.4])], integral=0.9)
+    grid = {("through", 0, "t"): [0.7, 0.8], ("integral", 0): [0.9 - h, 0.9, 0.9 + h]}
+    runs = ao.sweep(problem, grid)
+    assert runs.success.all()
+    slope = (runs.action[1, 2] - runs.action[1, 0]) / (2 * h)
+    assert runs.slopes[1, 1, 1] == pytest.approx(slope, abs=1e-5)
+    assert runs.slopes[1, 1, 1] == pytest.approx(-ao.solve(problem).integral_multipliers[0])

@@ -248,8 +248,6 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
         lambda: spectrum_data(found),
         lambda: ao.conjugate_points(found),
         lambda: ao.monodromy(found),
-        lambda: ao.trace(found.problem, "t1", 2.0),
-        lambda: ao.sweep(found.problem, {"t1": [1.0, 2.0]}),
         lambda: ao.solve_all(found.problem),
     ):
         with pytest.raises(ValueError, match="without events between its ends"):

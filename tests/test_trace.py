@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 import systems
 from helpers import a_quarter
+from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.arclength import BranchPoint
 from actionopt.families.marks import locate
 from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
+from actionopt.families.vary import moved
 
 OSCILLATOR = ao.System(
     lambda q, v, t, *, w: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"], parameters={"w": 2.0}
@@ -336,3 +338,87 @@ def test_a_branch_ends_where_its_paths_come_to_cross_a_jump(step):
     assert branch.values[-1] == pytest.approx(0.0123, abs=2e-4) and branch.values[-1] < 0.0123
     assert "L jumps by 0.8" in branch.stopped
     assert branch.solution(len(branch.values) - 1).success
+
+
+# -- through events, and with given integrals ------------------------------------------------------
+
+FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+
+
+def test_a_fold_of_two_legs_is_that_of_one():
+    """Films between rings of radius 1: apart by 1.3254868 at most, where x tanh x = 1."""
+    film = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["r"])
+    ends = ao.Event(-0.3, [1.0]), ao.Event(0.3, [1.0])
+    problem = ao.Problem(film, *ends, through=[ao.Event(0.1, [None])])
+    found = trace(problem, "t1", 1.5)
+    (fold,) = found.marks
+    assert (fold.kind, fold.before, fold.after) == ("fold", 0, 1)
+    assert fold.value + 0.3 == pytest.approx(1.3254868387, abs=1e-8)
+
+
+def test_a_reflection_ends_where_the_shadow_begins():
+    """Off a disc: no ray is reflected to a point behind the tangent from the source."""
+    disc = ao.Bounce(lambda q, t: q @ q - 1)
+    ends = ao.Event(0, [-2, 1.5]), ao.Event(1, [2, 1.5])
+    found = trace(ao.Problem(FREE, *ends, through=[disc]), ("end", "y"), -1.0)
+    edge = 1.5 + 4 * np.tan(np.arcsin(1 / 2.5) - np.arctan2(1.5, 2))
+    assert edge < found.values[-1] < edge + 1e-3
+    assert "passes through the surface" in found.stopped
+    ray = found.solution(len(found.values) // 2)
+    assert ray.action == pytest.approx(found.actions[len(found.values) // 2], abs=1e-8)
+    (again,) = found.at(1.0)
+    assert again.problem.end.q == (2.0, 1.0) and again.success
+
+
+@pytest.mark.parametrize(
+    ("vary", "to"),
+    [("k", 3.0), (("through", 0, "t"), 1.4), (("through", 1, "x"), 0.5), ("t1", 4.0)],
+)
+def test_waypoints_move_along_a_trace(vary, to):
+    """Against the closed form of the oscillator's legs."""
+    spring = ao.System(
+        lambda q, v, t, *, k: v[0] ** 2 / 2 - k * q[0] ** 2 / 2, ["x"], parameters={"k": 1.0}
+    )
+    between = [ao.Event(1.0, [0.5]), ao.Event(2.2, [-1.0])]
+    problem = ao.Problem(spring, ao.Event(0, [0.0]), ao.Event(3, [1.0]), through=between)
+    found = trace(problem, vary, to)
+    last = moved(problem, {vary: to})
+    w = np.sqrt(float(last.parameters["k"]))
+    t = np.array([e.t for e in last.joints_found])
+    x = np.array([e.q[0] for e in last.joints_found])
+    angle, a, b = w * np.diff(t), x[:-1], x[1:]
+    legs = w * ((a**2 + b**2) * np.cos(angle) - 2 * a * b) / (2 * np.sin(angle))
+    assert found.actions[-1] == pytest.approx(legs.sum(), abs=1e-9)
+    assert "reached the goal" in found.stopped
+
+
+def test_a_rope_grows():
+    """y = a cosh(x / a) + c with 2 a sinh(1 / a) as length: dS/dl = -kappa."""
+
+    def ds(q, v, t):
+        return np.sqrt(1 + v[0] ** 2)
+
+    rope = ao.System(lambda q, v, t: q[0] * ds(q, v, t), ["y"], integral=ds)
+    problem = ao.Problem(rope, ao.Event(-1, [0]), ao.Event(1, [0]), integral=2.5)
+    found = trace(problem, ("integral", 0), 4.0)
+    a = brentq(lambda a: 2 * a * np.sinh(1 / a) - 4.0, 0.1, 10)
+    c = -a * np.cosh(1 / a)
+    assert found.actions[-1] == pytest.approx(a + a**2 * np.sinh(2 / a) / 2 + 4 * c, abs=1e-8)
+    assert not found.indices.any()
+
+
+@pytest.mark.parametrize(
+    "vary",
+    [
+        ("through", 0),
+        ("through", 2, "x"),
+        ("through", 0, "z"),
+        ("through", 1, "t"),
+        ("integral", 0),
+    ],
+)
+def test_what_no_event_gives_does_not_vary(vary):
+    between = [ao.Event(0.5, [1, None]), ao.Event(None, [2, None])]
+    ends = ao.Event(0, [0, 0]), ao.Event(1, [3, 0])
+    with pytest.raises(ValueError, match="expected"):
+        trace(ao.Problem(FREE, *ends, through=between), vary, 1.0)

@@ -121,7 +121,7 @@ def sensitivity(
     for name in (MULTIPLIERS, SWITCHES):
         parameters.pop(name, None)
     t0, *through_t, t1 = found["times"].tolist()
-    inner = found["through_q"], np.array(through_t), -problem.kappa
+    inner = found["through_q"], np.array(through_t), found["integral"]
     return Sensitivity(found["q0"], found["q1"], t0, t1, parameters, *second, *inner)
 
 
@@ -130,7 +130,7 @@ def slopes(
 ) -> dict[str, Array]:
     """Return the first derivatives of S: by "q0", "q1" (n,), "times" (k + 2,), "through_q" (k, n).
 
-    And by "parameters" (p,), packed. Only where no force is non-conservative.
+    And by "integral" (c,) and "parameters" (p,), packed. Only where no force is non-conservative.
     """
     tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
     system, q = problem.system, at.Q[node_of]
@@ -170,6 +170,7 @@ def slopes(
         "q1": by_place[-1],
         "through_q": by_place[1:-1],
         "times": times,
+        "integral": -problem.kappa,
         "parameters": packed,
     }
 

@@ -64,6 +64,11 @@ class BranchPoint:
         return self.at.path
 
 
+def switches_of(problem: Problem) -> tuple[Instant, ...]:
+    """Return where elements are to end: where laws switch by the clock, and at given events."""
+    return problem.boundaries if problem.through else problem.instants
+
+
 @dataclass(eq=False)
 class Branch:
     """A family of problems, one for each s, discretized alike.
@@ -75,11 +80,15 @@ class Branch:
     shape : Mesh
         Over any times; it is stretched to those of each problem.
     instants : tuple of Instant
-        Where the problem of that mesh switches by the clock.
+        Where the problem of that mesh switches by the clock, or passes an event.
     lengths : (n,) array
         Units of the coordinates.
     range : float
         The unit of s.
+    times : (k + 2,) array, optional
+        Those of the events of a course, at the path from which the branch is to begin.
+    kappa : (c,) array, optional
+        The multipliers of its integrals there.
     """
 
     family: Callable[[float], Problem]
@@ -87,6 +96,8 @@ class Branch:
     instants: tuple[Instant, ...]
     lengths: Array
     range: float
+    times: Array | None = None
+    kappa: Array | None = None
     like: Transcription | None = None
     bordered: Bordered | None = None  # where more than the path is to be found
     solves: int = 0  # factorizations so far
@@ -94,8 +105,9 @@ class Branch:
     def first_unknowns(self, path: Path, lam: Array | None, s: float) -> Array:
         """Return the unknowns of the path at s, from which the branch is to begin."""
         problem = self.family(s)
-        if problem.free_time or problem.closes or problem.on_surface:
-            around = Bordered.around(problem, path, lam, self.lengths, moves_of(problem))
+        if problem.free_time or problem.closes or problem.on_surface or problem.is_joined:
+            known = problem, path, lam, self.lengths, moves_of(problem)
+            around = Bordered.around(*known, times=self.times, kappa=self.kappa)
             self.bordered, y = around
             return y
         tr = self.at(s)
@@ -107,8 +119,9 @@ class Branch:
         problem = self.family(s)
         if self.bordered is not None:
             return self.bordered.of(problem)
-        ends = problem.start.t, problem.end.t
-        mesh = carry_boundaries(self.shape, self.instants, problem.instants, *ends)
+        mesh = carry_boundaries(
+            self.shape, self.instants, switches_of(problem), problem.start.t, problem.end.t
+        )
         tr = Transcription(problem, mesh, self.lengths, like=self.like)
         self.like = self.like or tr
         return tr

@@ -144,6 +144,10 @@ class Bordered:
                 border = border.of(asked, self.first.lengths)
             elif isinstance(border, Duration):
                 border = replace(border, problem=asked)
+            elif isinstance(border, Times):
+                border = replace(border, given=times_of(asked), energy=asked.energy or 0.0)
+            elif isinstance(border, Integral):
+                border = replace(border, values=np.array(asked.integral))
             borders.append(border)
         other = Bordered(asked, self.first, tuple(borders))
         other._last, other._like, other.reach = None, None, self.reach
@@ -210,10 +214,10 @@ class Bordered:
         for border, part in zip(self.borders, self.parts, strict=True):
             if isinstance(border, Integral):
                 kappa = border.kappa(y[part])
-        if self.times_border is None and kappa is None:
+        if not self.asked.is_joined:
             return self._over(self.duration(y))
         if self.times_border is None:
-            return self._of_course(times_of(self.first.problem), kappa)
+            return self._of_course(times_of(self.asked), kappa)
         border, part = self.times_border
         return self._of_course(border.times(y[part]), kappa)
 

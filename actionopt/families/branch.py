@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.borders import over
+from actionopt.discrete.borders import times
 from actionopt.discrete.path import Path
 from actionopt.families.marks import Mark
 from actionopt.mechanics.problem import Problem
@@ -101,13 +101,9 @@ class Trace:
                 part = np.sqrt(part) if turned else 1 - np.sqrt(1 - part)
             problem = self.family(value)
             pair = one, other
-            if problem.free_time:
-                a, b = (path.mesh.duration for path in pair)
-                problem = over(problem, (1 - part) * a + part * b)
-            t0, T = problem.start.t, problem.duration
-            ends = []
-            for path in pair:
-                ends.append(Path(path.mesh.moved(t0, t0 + T), path.values))
+            a, b = (path.mesh.duration for path in pair)
+            t0, t1 = times(problem, (1 - part) * a + part * b)
+            ends = [Path(path.mesh.moved(t0, t1), path.values) for path in pair]
             mesh = ends[1].mesh
             guess = Path(mesh, (1 - part) * ends[0](mesh.nodes) + part * ends[1].values)
             result.append(solve(problem, guess=guess, tol=self.tol))

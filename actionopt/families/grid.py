@@ -138,4 +138,4 @@ class Grid:
 
 def label_of(name: Name) -> str:
     """Return the name of what varies as one word: "end.x" for ("end", "x")."""
-    return name if isinstance(name, str) else ".".join(name)
+    return name if isinstance(name, str) else ".".join(map(str, name))

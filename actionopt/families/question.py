@@ -30,7 +30,9 @@ def question_of(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[s
         "advance": None if problem.advance is None else problem.advance.tolist(),
         "relabel": getattr(problem.end, "relabel", None),
         "energy": problem.energy,
-        **({"on": _surfaces(problem)} if problem.on_surface else {}),
+        **({"on": _surfaces(problem)} if problem.on_surface or problem.through else {}),
+        **({"through": [repr(e) for e in problem.through]} if problem.through else {}),
+        **({} if problem.integral is None else {"integral": problem.integral}),
         "over": over,
         "zip": grid.zipped,
         "tol": tol,
@@ -42,5 +44,5 @@ def question_of(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[s
 
 def _surfaces(problem: Problem) -> list[str | None]:
     """Return what tells the surfaces of events from others."""
-    laws = [None if e.on is None else e.on.law.serialize() for e in (problem.start, problem.end)]
+    laws = [None if e.on is None else e.on.law.serialize() for e in problem.joints_found]
     return [law and hashlib.sha256(law.encode()).hexdigest()[:12] for law in laws]

@@ -25,10 +25,9 @@ from actionopt.families.grid import Grid
 from actionopt.families.path_store import PackedPaths
 from actionopt.families.question import question_of
 from actionopt.families.runs import Runs
-from actionopt.families.task import Answers, Seed, work
+from actionopt.families.task import Answers, Seed, has_more_than_path, work
 from actionopt.families.vary import Name, present
 from actionopt.families.walk import WALK_STEPS, walk
-from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import moving, solve
@@ -76,7 +75,8 @@ def sweep(
     over : mapping of names to rows of numbers
         What varies, one axis of the grid each: the name of a parameter (one number); "t0" or
         "t1", the time of an event; ("start", name) or ("end", name), a coordinate there; "energy",
-        where a time is free.
+        where a time is free; ("through", k, name), ("through", k, "t") and ("integral", i), of
+        event k between the ends and of integral i.
     executor : concurrent.futures.Executor, optional
         Who solves: processes, threads, or machines (Dask's `client.get_executor()`, mpi4py's
         `MPIPoolExecutor`). The numbers are the same, to the last bit, as in this process alone.
@@ -108,8 +108,6 @@ def sweep(
     SolveError
         If all members failed.
     """
-    if isinstance(problem, Problem):
-        check_whole(problem, "a family over a grid of values")
     check_problem(problem)
     tolerance(tol)
     problem = problem.asked or problem
@@ -118,9 +116,7 @@ def sweep(
             "expected events, or a period that is given, to sweep over, found closed paths of a "
             "given energy, which need a guess; follow one by `trace`"
         )
-    # Durations that are found, windows, and places on surfaces are in the paths.
-    found = problem.free_time or problem.is_infinite or problem.on_surface
-    keep_paths = keep_paths or found
+    keep_paths = keep_paths or has_more_than_path(problem)
     grid = Grid.of(problem, over, zip)
     index = "index" in _names_to_record(record)
     check_executor(executor)
@@ -157,8 +153,7 @@ def _names_to_record(record: str | Sequence[str] | None) -> tuple[str, ...]:
 def _alone(problem: Problem) -> bool:
     """Whether members are solved one by one."""
     system = problem.system
-    found = problem.free_time or problem.is_infinite or problem.on_surface
-    return bool(found or system.m or system.r or system.structure.forced)
+    return bool(has_more_than_path(problem) or system.m or system.r or system.structure.forced)
 
 
 def _none_solved(runs: Runs) -> None:

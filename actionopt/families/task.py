@@ -93,7 +93,7 @@ def solve_members(
     Or near those that are `given`. Searches that find nothing have a budget if `limited`.
     """
     (tol, index, keep_paths), k, n = options, len(members), problem.system.n
-    if problem.free_time or problem.is_infinite or problem.on_surface:
+    if has_more_than_path(problem):
         return one_by_one(problem, members, columns, guess, options, first)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
@@ -129,6 +129,15 @@ def solve_members(
     if keep_paths:
         answers |= PackedPaths.of(members[list(paths)], list(paths.values())).pack("kept")
     return answers
+
+
+def has_more_than_path(problem: Problem) -> bool:
+    """Whether more than a path is found of each member: a duration, a window, places, multipliers.
+
+    Or legs. Then paths tell what was found, and members are solved one by one.
+    """
+    found = problem.free_time or problem.is_infinite or problem.on_surface
+    return bool(found or problem.through) or problem.integral is not None
 
 
 def _no_answers(members: NDInt, n: int, columns: int, alone: int) -> Answers:

@@ -14,23 +14,25 @@ from time import perf_counter
 
 import numpy as np
 
-from actionopt.analysis.index import inertia_of, with_duration
+from actionopt.analysis.index import inertia_of, inertia_through, with_duration
 from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import lowest
 from actionopt.analysis.monodromy import transport_matrix
 from actionopt.analysis.second_variation import check_independent, form
 from actionopt.analysis.solution import Solution, SolveError
-from actionopt.discrete.arclength import Branch, BranchPoint
+from actionopt.analysis.status import Status
+from actionopt.discrete.arclength import Branch, BranchPoint, switches_of
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import times_of
 from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
 from actionopt.discrete.path import Path
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, moved, present
-from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import Guess, solve
+from actionopt.solver.through import objection
 from actionopt.solver.window import with_window_of
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import number, whole
@@ -74,11 +76,13 @@ def trace(
     Parameters
     ----------
     problem : Problem
-    vary : str, pair of str, or callable
+    vary : str, tuple, or callable
         What moves: the name of a parameter (one number); "t0" or "t1", the time of an event;
         "energy", where a time is free;
-        ("start", name) or ("end", name), a coordinate there; or a function from a number to a
-        Problem with the same system and kind of ends.
+        ("start", name) or ("end", name), a coordinate there; ("through", k, name) or ("through",
+        k, "t"), a coordinate or the time of event k between the ends; ("integral", i), the value
+        of integral i; or a function from a number to a Problem with the same system and kind of
+        events.
     to : float
         Where it goes.
     start : float, optional
@@ -106,8 +110,6 @@ def trace(
     SolveError
         If there is no first path.
     """
-    if isinstance(problem, Problem):
-        check_whole(problem, "a family followed along one quantity")
     check_problem(problem)
     check_progress(progress)
     family, value = _family(problem.asked or problem, vary, start)
@@ -192,7 +194,7 @@ class _TraceRun:
         """Start from a solution, on a mesh that resolves its Jacobi fields as well."""
         at, problem = solution.discrete, solution.problem
         fixed = problem.asked is None and not problem.closes
-        if self.counting:
+        if self.counting and not _is_course(problem):
             try:
                 at = resolve(at, solution.error, TRACE_RESOLUTION, polish=fixed).at
             except ValueError as error:
@@ -200,13 +202,28 @@ class _TraceRun:
         self.sizes = at.tr.lengths
         linear = problem.system.structure.linear
         self.pole_size = POLE_SIZE if linear else max(POLE_SIZE, self.tol ** (-2 / 3))
-        self._set(at.path, at.rows, at.tr.lengths, self.origin, np.sign(self.goal - self.origin))
+        sign = np.sign(self.goal - self.origin)
+        self._set(problem, at.path, at.rows, at.tr.lengths, self.origin, sign)
 
-    def _set(self, path: Path, rows: Array | None, lengths: Array, s: float, sign: float) -> None:
-        """Begin a branch at a path at s, multipliers `rows` (K, m), towards the sign of ds."""
+    def _set(
+        self,
+        known: Problem,
+        path: Path,
+        rows: Array | None,
+        lengths: Array,
+        s: float,
+        sign: float,
+    ) -> None:
+        """Begin a branch at a path at s, multipliers `rows` (K, m), towards the sign of ds.
+
+        `known` is its problem with what was found.
+        """
         problem, reach = self.family(s), abs(self.goal - self.origin)
-        instants = () if problem.free_time else problem.instants
+        instants = () if problem.free_time or problem.is_joined else switches_of(problem)
         self.branch = Branch(self.family, path.mesh, instants, lengths, reach)
+        if problem.is_joined:
+            self.branch.times = times_of(known)
+            self.branch.kappa = None if problem.integral is None else known.kappa
         lam = None if rows is None else np.nan_to_num(rows)
         z = self.branch.first_unknowns(path, lam, s)
         point = self.branch.first(z, s, sign)
@@ -241,11 +258,11 @@ class _TraceRun:
                         return
                     continue
                 there = last
-            jump = self._jump(there)
-            if jump is not None:
+            why = self._objection(there)
+            if why:
                 length /= 2
                 if length < SHORTEST_TOLD:
-                    self.end(f"the path at {there.s:.6g} crosses a surface, on which {jump}")
+                    self.end(why)
                     return
                 continue
             index = self._index(there)
@@ -319,6 +336,8 @@ class _TraceRun:
         if not self.counting:
             return -1
         try:
+            if _is_course(point.at.problem):
+                return inertia_through(point.at, 0.0).index
             found = form(point.at)
             check_independent(found.at, found.units, self.tol)
             inertia = inertia_of(found)
@@ -327,6 +346,18 @@ class _TraceRun:
             return inertia.index
         except ValueError as error:
             raise _Uncounted(_without(error)) from None
+
+    def _objection(self, point: BranchPoint) -> str:
+        """Return why a stationary path is no answer, a sentence; empty if it is one."""
+        jump, problem = self._jump(point), point.at.problem
+        if jump is not None:
+            return f"the path at {point.s:.6g} crosses a surface, on which {jump}"
+        if not problem.through:
+            return ""
+        at = point.at
+        path = Solution(problem, at.path, at.action, at.rows.T, self.tol, Status.SOLVED, {})
+        why = objection(path)
+        return why and f"at {point.s:.6g} {why}"
 
     def _jump(self, point: BranchPoint) -> Jump | None:
         """Return a jump of L that the path crosses, or None."""
@@ -349,7 +380,7 @@ class _TraceRun:
         tr, Q = point.at.tr, point.at.Q
         sizes = np.max(np.abs(Q), axis=0)
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
-        if mesh is None and self.counting:
+        if mesh is None and self.counting and not _is_course(point.at.problem):
             try:
                 mesh = finer(tr.mesh, TRACE_RESOLUTION, form=form(point.at))
             except ValueError as error:
@@ -363,7 +394,7 @@ class _TraceRun:
         lengths = np.where(sizes > 1e-12 * np.max(sizes), sizes, tr.lengths)
         sign = np.sign(point.direction[-1])
         del self.points[-1], self.indices[-1]
-        self._set(point.path.on(mesh), rows, lengths, point.s, sign)
+        self._set(point.at.problem, point.path.on(mesh), rows, lengths, point.s, sign)
 
     # -- what changes on the way ----------------------------------------------------------------
 
@@ -402,7 +433,7 @@ class _TraceRun:
 
     def _sign(self, j: int, point: BranchPoint) -> float:
         """Return what is positive where the index is more than j, or less, and negative else."""
-        if isinstance(point.tr, Bordered):
+        if isinstance(point.tr, Bordered) or _is_course(point.at.problem):
             return self._index(point) - j - 0.5
         return lowest(form(point.at), j + 1)[0][j]
 
@@ -432,6 +463,11 @@ class _TraceRun:
                 "meshes": self.meshes,
             },
         )
+
+
+def _is_course(problem: Problem) -> bool:
+    """Whether a path passes events or has given integrals: its index is that of all its legs."""
+    return bool(problem.through) or problem.integral is not None
 
 
 def _doubling(point: BranchPoint) -> float:

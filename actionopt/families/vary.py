@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
 from actionopt.analysis.sensitivity import slopes
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.borders import over
+from actionopt.discrete.borders import times
 from actionopt.discrete.path import Path
+from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.problem import Event, Periodic, Problem, Tail
-from actionopt.mechanics.system import System
+from actionopt.mechanics.system import MULTIPLIERS, System
 from actionopt.tools.types import Array
 
-Name = str | tuple[str, str]
+Name = str | tuple[Any, ...]  # ("start", coordinate), ("through", k, coordinate), ...
 
 
 def present(problem: Problem, name: Name) -> float:
     """Return the value that a quantity has: a parameter of one number, a time or a coordinate.
 
     Names are those of parameters, "t0", "t1" and "energy", ("start", coordinate) and ("end",
-    coordinate).
+    coordinate), ("through", k, coordinate) and ("through", k, "t") of event k between the ends,
+    and ("integral", i), the value of integral i.
 
     Raises
     ------
@@ -45,27 +48,50 @@ def present(problem: Problem, name: Name) -> float:
                 f"expected a finite time to vary, found the event at infinity as {name!r}"
             )
         return event.t
-    if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
-        if name[0] == "end" and isinstance(problem.end, Periodic):
-            raise ValueError("expected an end of its own to vary: this one closes on the start")
-        event = problem.start if name[0] == "start" else problem.end
-        coordinates = problem.system.coordinates
-        value = event.near[coordinates.index(name[1])] if name[1] in coordinates else None
-        if value is None:
-            given = [c for c, x in zip(coordinates, event.near, strict=True) if x is not None]
-            known = f"one of {', '.join(given)}" if given else "but the event gives none"
-            raise ValueError(
-                f"expected a coordinate that the event gives, {known}, found {name[1]!r}"
-            )
-        return value
-    known = problem.parameters
+    if isinstance(name, tuple) and name[0] in ("start", "end", "through", "integral"):
+        return _of_events(problem, name)
+    known = {k: x for k, x in problem.parameters.items() if k not in (SWITCHES, MULTIPLIERS)}
     if isinstance(name, str) and name in known and np.ndim(known[name]) == 0:
         return float(known[name])
     raise ValueError(
         "expected the name of a parameter that is one number, 't0', 't1', 'energy' where a time is "
-        f"free, ('start', coordinate) or ('end', coordinate), found {name!r}; the parameters are "
-        f"{', '.join(known) or 'none'}"
+        "free, ('start', coordinate), ('end', coordinate), ('through', number, coordinate or 't') "
+        f"or ('integral', number), found {name!r}; the parameters are {', '.join(known) or 'none'}"
     )
+
+
+def _of_events(problem: Problem, name: tuple) -> float:
+    """Return what an event gives, or the value of an integral. Raises ValueError if none does."""
+    kind, *which = name
+    if kind in ("start", "end") and len(which) == 1:
+        if kind == "end" and isinstance(problem.end, Periodic):
+            raise ValueError("expected an end of its own to vary: this one closes on the start")
+        return _value_at(problem, problem.start if kind == "start" else problem.end, which[0])
+    values = np.atleast_1d([] if problem.integral is None else np.array(problem.integral))
+    many, parts = (values.size, 1) if kind == "integral" else (len(problem.through), 2)
+    if kind in ("start", "end") or len(which) != parts or which[0] not in range(many):
+        raise ValueError(
+            "expected ('start', coordinate), ('end', coordinate), ('through', k, coordinate or "
+            f"'t') with k below {len(problem.through)}, the events between the ends, or "
+            f"('integral', i) with i below {values.size}, found {name!r}"
+        )
+    if kind == "integral":
+        return float(values[which[0]])
+    return _value_at(problem, problem.through[which[0]], which[1])
+
+
+def _value_at(problem: Problem, event: Event, what: str) -> float:
+    """Return a coordinate that an event gives, or its time, "t"; raise ValueError otherwise."""
+    coordinates = problem.system.coordinates
+    value = event.near[coordinates.index(what)] if what in coordinates else None
+    inner = event not in (problem.start, problem.end)
+    value = event.t if inner and what == "t" and what not in coordinates else value
+    if value is None:
+        given = [c for c, x in zip(coordinates, event.near, strict=True) if x is not None]
+        given += ["t"] if inner and event.t is not None else []
+        known = f"one of {', '.join(given)}" if given else "but the event gives none"
+        raise ValueError(f"expected a coordinate that the event gives, {known}, found {what!r}")
+    return value
 
 
 def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
@@ -82,19 +108,31 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
     """
     problem = problem.asked or problem
     events = {"start": list(problem.start.near), "end": list(problem.end.near)}
-    times, parameters = {"t0": problem.start.t, "t1": problem.end.t}, {}
+    moments, parameters = {"t0": problem.start.t, "t1": problem.end.t}, {}
+    through = [{"t": e.t, "q": list(e.q)} for e in problem.through]
+    integral = None if problem.integral is None else list(np.array(problem.integral))
+    coordinates = problem.system.coordinates
     values = dict(values)
     energy = None if "energy" in problem.parameters else values.pop("energy", None)
     for name, value in values.items():
-        if isinstance(name, tuple):
-            events[name[0]][problem.system.coordinates.index(name[1])] = value
+        if isinstance(name, tuple) and name[0] == "integral":
+            integral[name[1]] = value  # type: ignore[index]
+        elif isinstance(name, tuple) and name[0] == "through":
+            if name[2] in coordinates:
+                through[name[1]]["q"][coordinates.index(name[2])] = value
+            else:
+                through[name[1]]["t"] = value
+        elif isinstance(name, tuple):
+            events[name[0]][coordinates.index(name[1])] = value
         else:
-            (times if name in times else parameters)[name] = value
+            (moments if name in moments else parameters)[name] = value
     return problem.replace(
-        start=_event(problem.start, times["t0"], events["start"]),
-        end=_event(problem.end, times["t1"], events["end"]),
+        start=_event(problem.start, moments["t0"], events["start"]),
+        end=_event(problem.end, moments["t1"], events["end"]),
         parameters=parameters,
         energy=energy,
+        through=[e._replace(**new) for e, new in zip(problem.through, through, strict=True)],
+        integral=integral,
     )
 
 
@@ -112,6 +150,12 @@ def slope(problem: Problem, known: Mapping[str, Array], name: Name) -> Array:
         return (
             known[name] if name in ("t0", "t1") else known["parameters"][..., place(system, name)]
         )
+    if name[0] == "integral":
+        return known["integral"][..., name[1]]
+    if name[0] == "through" and name[2] not in system.coordinates:
+        return known["times"][..., 1 + name[1]]
+    if name[0] == "through":
+        return known["through_q"][..., name[1], system.coordinates.index(name[2])]
     i = system.coordinates.index(name[1])
     if isinstance(problem.end, Periodic):  # it moves along
         return known["q0"][..., i] + known["q1"][..., i]
@@ -143,9 +187,8 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
 
 def lead_to(path: Path, problem: Problem) -> Path:
     """Return the path stretched over the times of a problem, and sheared to begin and end there."""
-    problem = over(problem, path.mesh.duration)
     values, last = path.values, path.values[:, -1:]
-    mesh = path.mesh.moved(problem.start.t, problem.end.t)
+    mesh = path.mesh.moved(*times(problem, path.mesh.duration))
     s = mesh.nodes_since / mesh.duration
     for event, weight, known in ((problem.start, 1 - s, values[:, :1]), (problem.end, s, last)):
         given = [[a if b is None else b] for a, b in zip(known[:, 0], event.q, strict=True)]

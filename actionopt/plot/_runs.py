@@ -90,6 +90,11 @@ def _count_text(runs: Runs) -> str:
 
 def _axis(name: Name, units: UnitNames) -> str:
     """Return the label of the axis of what varies."""
+    if isinstance(name, tuple) and name[0] == "integral":
+        return f"integral {name[1]}"
+    if isinstance(name, tuple) and name[0] == "through":
+        what, unit = (name[2], units.coordinate(name[2])) if name[2] != "t" else ("t", units.time)
+        return label(f"{symbol(what)} at event {name[1]}", unit)
     if isinstance(name, tuple):
         return label(f"{symbol(name[1])} at the {name[0]}", units.coordinate(name[1]))
     if name in ("t0", "t1"):
