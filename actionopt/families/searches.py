@@ -36,7 +36,7 @@ from actionopt.solver.ipopt import find
 from actionopt.solver.on_surface import firsts
 from actionopt.solver.pursue import first
 from actionopt.solver.strategies import GUESS_ONLY, STRATEGIES
-from actionopt.solver.through import starts as first_legs
+from actionopt.solver.through import attempts
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
@@ -56,7 +56,7 @@ VELOCITY_BISECTIONS = 25  # to a guess as good as single precision
 CONTINUATION_TOL = 1e-5  # of paths on the way to another
 CONTINUATION_STEPS = 160
 SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
-FOR_EACH_EVENT = 20  # first paths a start and event; ad hoc
+FOR_EACH_EVENT, MOST_EVENTS = 20, 2  # first paths a start and event; ad hoc
 CLOSED_BATCHES = 3  # most for closed paths: there may be larger and larger ones without end
 CLOSED_REACH = 4.0  # largest motions tried for closed paths, in the size of those that are known
 # Classes of turns in which paths are sought, those of fewest turns: w turns of n angles have
@@ -98,11 +98,15 @@ class Winding:
 
 
 class Start(NamedTuple):
-    """Where a path is sought from, a guess or the straight line, and how that was found."""
+    """Where a path is sought from, a guess or the straight line, and how that was found.
+
+    Or what has come of it.
+    """
 
     winding: Winding
     guess: Path | None
     how: str
+    solution: Solution | None = None
 
 
 @dataclass(eq=False)
@@ -190,10 +194,11 @@ class Answers:
             yield Start(self.classes[0], guess, "a point on a surface")
 
     def _through_events(self, starts: int) -> Iterator[Start]:
-        count = FOR_EACH_EVENT * starts * max(1, len(self.problem.through))
-        for i, (guess, _) in enumerate(first_legs(self.problem, None, count, self.seed)):
+        count = FOR_EACH_EVENT * starts * min(max(1, len(self.problem.through)), MOST_EVENTS)
+        found = attempts(self.problem, self.tol, None, None, count, self.seed)
+        for i, (solution, _) in enumerate(found):
             self.tell("places at events", i, count, "places at events")
-            yield Start(self.classes[0], guess, "places at events")
+            yield Start(self.classes[0], None, "places at events", solution)
 
     def _of_the_energy(self, shots: int) -> Iterator[Start]:
         for c in self.classes:
@@ -474,9 +479,9 @@ class Answers:
 
     def answer(self, start: Start) -> None:
         """Solve from a start; keep a path that is new, closed and a motion."""
-        self.last, (c, guess, how) = None, start
+        self.last, (c, guess, how, solution) = None, start
         try:
-            solution, _ = first(c.problem, guess, self.choices)
+            solution = solution or first(c.problem, guess, self.choices)[0]
         except ValueError as error:  # numpy's LinAlgError is one
             raise_defect(error)
             if guess is None and not any(c.turns):

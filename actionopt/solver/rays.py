@@ -2,8 +2,8 @@
 
 Many motions leave the start at once, in all directions and at many speeds, and meet the surfaces of
 the events in their order (`reflection`). What comes near the end, in about the time that is given,
-is a guess. About those that come nearest, or that get farthest, more leave, ever closer to them:
-after some bounces few of the directions of a fan are left.
+is a guess. About those that come nearest, or get farthest, more leave, ever closer to them, and
+between neighbours whose ways part: after some bounces few of the directions of a fan are left.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ RAYS = 400  # motions of a round
 RAY_ROUNDS = 4  # of motions ever closer to those that come nearest
 BEST_RAYS = 40  # motions about which more leave
 RAY_NEIGHBOURS = 2  # a coordinate, with which a motion is compared
+RAY_APART = 0.3  # of the sizes: places of events that are farther from a neighbour's
 RAY_SPREAD = 0.5  # of the distance of these, of velocities that are nearer
 RAY_SPEEDS = 4.0  # times faster and slower than what is expected, of the first motions
 RAY_LATE = 4.0  # times the duration: no motion lasts longer
@@ -108,7 +109,9 @@ class _Batch(NamedTuple):
     tracks: list[tuple[_Track, NDInt]]
 
 
-def rays(problem: Problem, size: Array, span: float, seed: int) -> Iterator[Ray]:
+def rays(
+    problem: Problem, size: Array, span: float, random: np.random.Generator, rounds: int
+) -> Iterator[Ray]:
     """Yield motions through the events of a problem that come near its end, the nearest ones first.
 
     `size` (n,) is that of the coordinates, `span` about how long it takes. There are none where
@@ -120,15 +123,16 @@ def rays(problem: Problem, size: Array, span: float, seed: int) -> Iterator[Ray]
     if not (inner and given) or any(e.on is None or e.on.count > 1 for e in inner):
         return
     fan = _Fan.of(problem, size, span)
-    random = np.random.default_rng(seed)
-    found = [fan.follow(fan.all_round(random))]
+    batch = fan.follow(fan.all_round(random))
     if fan.timed:
-        found = [fan.follow(fan.in_time(found))]
-    told: list[Array] = []
-    for k in range(RAY_ROUNDS + 1):
-        yield from fan.nearest(found, told, RAY_NEAR if k < RAY_ROUNDS else EVENT_MISSED)
-        if k < RAY_ROUNDS:
-            found.append(fan.follow(fan.closer(found, random)))
+        batch = fan.follow(fan.in_time(batch))
+    found = _Motions(fan)
+    for k in range(rounds + 1):
+        found.add(batch)
+        yield from found.nearest(RAY_NEAR if k < rounds else EVENT_MISSED)
+        if k < rounds:
+            v = np.concatenate([found.closer(random, RAYS // 2), found.between(RAYS // 2)])
+            batch = fan.follow(fan.of_energy(v))
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,46 +196,14 @@ class _Fan:
             v = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         v /= np.linalg.norm(v, axis=1, keepdims=True)
         speeds = len(self.legs) * RAY_SPEEDS ** random.uniform(-1, 1, (RAYS, 1)) / self.span
-        return self._of_energy(v * self.size * speeds)
+        return self.of_energy(v * self.size * speeds)
 
-    def in_time(self, found: list[_Batch]) -> Array:
+    def in_time(self, batch: _Batch) -> Array:
         """Return the velocities (K, n) of motions, those that come late faster."""
-        v = np.concatenate([b.v for b in found])
-        if not self.timed:
-            return v
-        last = np.concatenate([b.times[:, -1] for b in found]) - self.legs[0].start.t
-        return v * np.where(np.isfinite(last), last / self.span, 1.0)[:, None]
+        last = batch.times[:, -1] - self.legs[0].start.t
+        return batch.v * np.where(np.isfinite(last), last / self.span, 1.0)[:, None]
 
-    def closer(self, found: list[_Batch], random: np.random.Generator) -> Array:
-        """Return velocities (K, n) near those that miss less than all their neighbours."""
-        v = np.concatenate([b.v for b in found])
-        best, apart = self._minima(found)
-        if not best.size:
-            return self.all_round(random)
-        best, apart = best[:BEST_RAYS], apart[:BEST_RAYS]
-        chosen = np.resize(np.arange(best.size), RAYS)
-        away = random.standard_normal((RAYS, self.size.size)) * self.size
-        return self._of_energy(v[best[chosen]] + RAY_SPREAD * apart[chosen, None] * away)
-
-    def _minima(self, found: list[_Batch]) -> tuple[NDInt, Array]:
-        """Return motions (M,) that miss less than their neighbours, the best first.
-
-        And how far their velocities are from those of the neighbours, in the sizes.
-        """
-        v, cost = np.concatenate([b.v for b in found]), np.concatenate([b.cost for b in found])
-        u = v / self.size
-        square = np.sum(u**2, axis=1)
-        distance = np.maximum(square[:, None] + square - 2 * u @ u.T, 0.0)
-        distance[~np.isfinite(distance)] = np.inf
-        np.fill_diagonal(distance, np.inf)
-        count = min(RAY_NEIGHBOURS * self.size.size, len(v) - 1)
-        near = np.argpartition(distance, count - 1, axis=1)[:, :count]
-        least = (cost[near] >= cost[:, None]).all(axis=1) & np.isfinite(cost)
-        best = np.flatnonzero(least)
-        best = best[np.argsort(cost[best])]
-        return best, np.sqrt(np.take_along_axis(distance, near, axis=1).max(axis=1)[best])
-
-    def _of_energy(self, v: Array) -> Array:
+    def of_energy(self, v: Array) -> Array:
         """Return the velocities (K, n) at the energy that is given, in the same directions."""
         if self.at.energy is None:
             return v
@@ -394,20 +366,99 @@ class _Fan:
             found += (RAY_SLOWER * late) ** 2
         return np.where(np.isfinite(found), np.sqrt(found), np.inf)
 
-    def nearest(self, found: list[_Batch], told: list[Array], miss: float) -> Iterator[Ray]:
-        """Yield motions that miss the end by less than their neighbours, the nearest first.
 
-        And by less than `miss`; `told` are the velocities of those that were yielded before.
+class _Motions:
+    """All motions that were followed: their velocities and those nearest to each, what each costs.
+
+    Attributes
+    ----------
+    v : (K, n) array
+    cost : (K,) array
+    where : (K, k + 2, n + 1) array
+        Places and times of their events, in units of the sizes and of the duration.
+    near, apart : (K, M) arrays
+        The motions of the nearest velocities, and how far these are, in the sizes.
+    """
+
+    def __init__(self, fan: _Fan) -> None:
+        self.fan, self.batches, self.told = fan, [], []
+        n, events = fan.size.size, len(fan.at.joints)
+        self.count = RAY_NEIGHBOURS * n
+        self.v, self.cost = np.zeros((0, n)), np.zeros(0)
+        self.where = np.zeros((0, events, n + 1))
+        self.near, self.apart = np.zeros((0, self.count), dtype=int), np.zeros((0, self.count))
+
+    def add(self, batch: _Batch) -> None:
+        """Add motions."""
+        self.batches.append(batch)
+        size, old = self.fan.size, len(self.v)
+        self.v = np.concatenate([self.v, batch.v])
+        self.cost = np.concatenate([self.cost, batch.cost])
+        times = (batch.times - batch.times[:, :1]) / self.fan.span
+        where = np.concatenate([batch.places / size, times[..., None]], axis=2)
+        self.where = np.concatenate([self.where, where])
+        u, new = self.v / size, np.arange(old, len(self.v))
+        apart = np.linalg.norm(u[:, None] - u[None, old:], axis=2)
+        apart[~np.isfinite(apart)] = np.inf
+        apart[new, np.arange(new.size)] = np.inf
+        later = np.broadcast_to(new, (old, new.size))
+        near = np.concatenate([self.near, later], axis=1)
+        known = self._least(near, np.concatenate([self.apart, apart[:old]], axis=1))
+        every = np.broadcast_to(np.arange(len(self.v)), (new.size, len(self.v)))
+        rest = self._least(every, apart.T)
+        self.near, self.apart = (np.concatenate(pair) for pair in zip(known, rest, strict=True))
+
+    def _least(self, near: NDInt, apart: Array) -> tuple[NDInt, Array]:
+        """Return those of the motions (K, P) that are nearest, and how far they are, (K, M)."""
+        if not len(near):
+            return near[:, : self.count], apart[:, : self.count]
+        k = np.argpartition(apart, self.count - 1, axis=1)[:, : self.count]
+        return np.take_along_axis(near, k, axis=1), np.take_along_axis(apart, k, axis=1)
+
+    def minima(self) -> NDInt:
+        """Return the motions that cost less than their neighbours, (M,), the best first."""
+        least = (self.cost[self.near] >= self.cost[:, None]).all(axis=1)
+        best = np.flatnonzero(least & np.isfinite(self.cost))
+        return best[np.argsort(self.cost[best])]
+
+    def closer(self, random: np.random.Generator, count: int) -> Array:
+        """Return velocities (count, n) near those that cost least."""
+        best = self.minima()[:BEST_RAYS]
+        if not best.size:
+            return self.fan.all_round(random)[:count]
+        chosen = np.resize(best, count)
+        away = random.standard_normal((count, self.fan.size.size)) * self.fan.size
+        return self.v[chosen] + RAY_SPREAD * self.apart[chosen].max(axis=1)[:, None] * away
+
+    def between(self, count: int) -> Array:
+        """Return velocities (count, n), or fewer, between neighbours whose ways part.
+
+        Those first that are farthest from one another.
         """
-        batch = np.repeat(np.arange(len(found)), [len(b.v) for b in found])
-        first = np.cumsum([0, *(len(b.v) for b in found)])
-        for k, apart in zip(*self._minima(found), strict=True):
-            b, i = found[batch[k]], k - first[batch[k]]
-            if not b.cost[i] < miss:
+        with np.errstate(all="ignore"):
+            gap = np.abs(self.where[self.near] - self.where[:, None])
+        met = np.isfinite(self.where[..., 0])
+        lost = met[self.near] != met[:, None]  # one meets the event, the other one does not
+        part = (lost | (gap.max(axis=3) > RAY_APART)).any(axis=2) & np.isfinite(self.apart)
+        i, j = np.nonzero(part)
+        once = i < self.near[i, j]
+        i, j = i[once], j[once]
+        k = np.argsort(-self.apart[i, j] / np.linalg.norm(self.v[i] / self.fan.size, axis=1))
+        i, j = i[k[:count]], j[k[:count]]
+        return (self.v[i] + self.v[self.near[i, j]]) / 2
+
+    def nearest(self, miss: float) -> Iterator[Ray]:
+        """Yield motions that miss the end by less than their neighbours, and less than `miss`."""
+        size, first = self.fan.size, np.cumsum([0, *(len(b.v) for b in self.batches)])
+        for k in self.minima().tolist():
+            if not self.cost[k] < miss:
                 return
-            if any(np.linalg.norm((b.v[i] - v) / self.size) < apart for v in told):
+            apart = self.apart[k].max()
+            if any(np.linalg.norm((self.v[k] - v) / size) < apart for v in self.told):
                 continue
-            told.append(b.v[i])
+            self.told.append(self.v[k])
+            batch = int(np.searchsorted(first, k, side="right")) - 1
+            b, i = self.batches[batch], k - int(first[batch])
             legs = []
             for track, which in b.tracks:
                 j = [int(np.searchsorted(which, i))]

@@ -32,7 +32,7 @@ from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.mechanics.system import SWITCHES
 from actionopt.solver.arguments import Guess
 from actionopt.solver.family import may_be_family
-from actionopt.solver.rays import Ray, rays
+from actionopt.solver.rays import RAY_ROUNDS, Ray, rays
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import APPROACHES, Unfixed
 from actionopt.solver.verdict import solution_of
@@ -45,6 +45,8 @@ from actionopt.tools.watch import OutOfTime, Watch
 LEG_ELEMENTS, LEG_DEGREE = 2, 6  # of a leg of a first path
 FIRST_POLYGONS = 24  # first paths that are tried, straight between events, and as many motions
 BEFORE_RAYS = 2  # of them, before motions are
+ALL_ROUNDS = 10  # of motions, to find all answers
+SAME_FIRST = 1e-4  # of the sizes, and of the duration: nearer paths on their first mesh are one
 PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of logarithms of times
 CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
 NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
@@ -105,17 +107,22 @@ def attempts(
     tol: float,
     guess: Guess | None,
     watch: Watch | None,
-    count: int = FIRST_POLYGONS,
+    count: int | None = None,
     seed: int = 0,
 ) -> Iterator[tuple[Solution, str]]:
-    """Yield what came of each first path, and why it is no answer."""
+    """Yield what came of each first path, and why it is no answer.
+
+    Of `count` first paths of each kind, each answer once, for a search for all of them.
+    """
+    seen: list[tuple[Array, Array]] = []
     for path, times in starts(problem, guess, count, seed):
         started = perf_counter()
         run = Unfixed(problem, tol=tol, watch=watch, times=times)
-        status, found = Status.NOT_FOUND, False
+        status = Status.NOT_FOUND
         try:
-            found = run.reach(path, None, damped=True)
-            if found:
+            if run.reach(path, None, damped=True):
+                if count and _repeats(run, seen):
+                    continue
                 status = run.verdict()
         except SIGNALS as signal:
             status = status_of(signal)
@@ -137,6 +144,18 @@ def attempts(
         yield solution, why or run.hint
         if status is Status.OUT_OF_TIME:
             return
+
+
+def _repeats(run: Unfixed, seen: list[tuple[Array, Array]]) -> bool:
+    """Return whether a path on its first mesh was seen before; it is from now on."""
+    Q, times = run.here.Q, times_of(run.here.problem)
+    unit, span = np.abs(Q).max(axis=0) + run.here.tr.lengths, np.ptp(times)
+    for other, at in seen:
+        same = other.shape == Q.shape and np.abs(at - times).max() < SAME_FIRST * span
+        if same and (np.abs(other - Q) < SAME_FIRST * unit).all():
+            return True
+    seen.append((Q.copy(), times))
+    return False
 
 
 def _family(run: Unfixed, solution: Solution) -> int:
@@ -203,9 +222,12 @@ def _inside(leg: Path, ends_there: bool) -> Array:
 
 
 def starts(
-    problem: Problem, guess: Guess | None, count: int = FIRST_POLYGONS, seed: int = 0
+    problem: Problem, guess: Guess | None, count: int | None = None, seed: int = 0
 ) -> Iterator[tuple[Path, Array]]:
-    """Yield first paths and the times of the events on them."""
+    """Yield first paths and the times of the events on them.
+
+    `count` of each kind to find all answers, or a few of them to find one.
+    """
     if guess is not None:
         path, times = read_guess(problem, guess)
         yield path, times
@@ -218,25 +240,47 @@ def starts(
     if problem.integral is not None:
         first = _begin(problem, base, size, np.ones(len(base) - 1))
         if first is not None:
-            waves = first_waves(problem, *first, size, count, random)
+            waves = first_waves(problem, *first, size, count or FIRST_POLYGONS, random)
             yield from ((path, first[1]) for path in waves)
         return
-    for k in range(count):
-        if k == BEFORE_RAYS:
-            span = float(_durations(problem, base).sum())
-            given = times_of(problem)[[0, -1]]
-            if np.isfinite(given).all():
-                span = float(np.diff(given)[0])
-            for ray in islice(rays(problem, size, span, seed), count):
-                found = along_ray(problem, ray)
-                if found is not None:
-                    yield relax_legs(problem, *found), found[1]
-        away = PLACE_SPREAD * (1 + k // 10) * size * random.standard_normal(base.shape)
-        shift = PLACE_SPREAD * random.standard_normal(len(base) - 1)
-        q = base if not k else base + away
-        found = _begin(problem, q, size, np.ones(shift.size) if k < 2 else np.exp(shift))
+    for found in _first_legs(problem, base, size, count, random):
         if found is not None:
             yield relax_legs(problem, *found), found[1]
+
+
+def _first_legs(
+    problem: Problem, base: Array, size: Array, count: int | None, random: np.random.Generator
+) -> Iterator[tuple[Path, Array] | None]:
+    """Yield first paths near points `base` (k + 2, n), and the times of the events on them.
+
+    A few straight ones; motions; ways that begin as one of these and end as another; straight ones
+    again.
+    """
+    known: list[Ray] = []
+
+    def polygons(first: int, last: int) -> Iterator[tuple[Path, Array] | None]:
+        for k in range(first, last):
+            away = PLACE_SPREAD * (1 + k // 10) * size * random.standard_normal(base.shape)
+            shift = PLACE_SPREAD * random.standard_normal(len(base) - 1)
+            q = base if not k else base + away
+            yield _begin(problem, q, size, np.ones(shift.size) if k < 2 else np.exp(shift))
+
+    yield from polygons(0, BEFORE_RAYS)
+    given = times_of(problem)[[0, -1]]
+    span = float(np.diff(given)[0])
+    if not np.isfinite(span):
+        span = float(_durations(problem, base).sum())
+    rounds = ALL_ROUNDS if count else RAY_ROUNDS
+    for ray in islice(rays(problem, size, span, random, rounds), count or FIRST_POLYGONS):
+        known.append(ray)
+        yield along_ray(problem, ray)
+    if count and len(base) > 3 and len(known) > 1:
+        for _ in range(count):
+            one, other = (known[k] for k in random.choice(len(known), 2, replace=False))
+            k = random.integers(1, len(base) - 1)
+            q = np.concatenate([one.places[:k], other.places[k:]])
+            yield _begin(problem, q, size, np.ones(len(base) - 1))
+    yield from polygons(BEFORE_RAYS, FIRST_POLYGONS if known or not count else count)
 
 
 def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
