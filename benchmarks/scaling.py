@@ -35,6 +35,7 @@ ANGLES = (5, 10, 20, 30, 50, 70, 100)  # a pendulum of so many links, no constra
 BODIES = (3, 5, 10, 20, 50)
 LATTICES = (8, 32, 128, 512)  # masses
 MASSES = (10, 100, 1000, 10_000)
+WAYPOINTS = (1, 10, 100, 1000)
 DURATIONS = (2.5, 7.9, 25.1, 79.1)  # of a pendulum: 1 to 32 periods, roughly
 FILLED = 16, 12  # elements and degree on which factors are counted
 LIMIT = 30.0  # seconds a measurement
@@ -115,6 +116,23 @@ def lattice(masses: int) -> dict:
     return _timed(ao.Problem(system, ao.Event(0.0, shape), ao.Event(1.0, 0.5 * shape)))
 
 
+def waypoints(count: int) -> dict:
+    """Solve an oscillator that passes so many places at given times, a tenth of a radian apart."""
+    t = np.linspace(0.0, 0.1 * (count + 1), count + 2)
+    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    events = [ao.Event(*pair) for pair in zip(t, np.sin(3 * t)[:, None], strict=True)]
+    return _timed(ao.Problem(system, events[0], events[-1], through=events[1:-1]))
+
+
+def waypoints_unknown(count: int) -> dict:
+    """Solve a body on a wavy line that passes so many places at times that are found."""
+    x = np.linspace(0.0, 0.3 * (count + 1), count + 2)
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - 0.1 * np.cos(q[0]), ["x"])
+    events = [ao.Event(None, [place]) for place in x]
+    start, end = events[0].at(0.0), events[-1].at(0.1 * (count + 1))
+    return _timed(ao.Problem(system, start, end, through=events[1:-1]))
+
+
 def duration(T: float) -> dict:
     """Follow a pendulum for a time T through a guess of a tenth of its swing off."""
     scene = scenes.get("pendulum", duration=T)
@@ -168,6 +186,8 @@ STUDIES = {  # the function of that name: what it is given
     "fput_swift": (LATTICES, "the same, twice as far from rest"),
     "toda": (LATTICES, "masses of a Toda lattice, ends of a motion"),
     "lattice": (MASSES, "masses of a lattice"),
+    "waypoints": (WAYPOINTS, "waypoints at given times"),
+    "waypoints_unknown": (WAYPOINTS, "waypoints at times to be found"),
     "duration": (DURATIONS, "duration of a pendulum's motion (s)"),
     "tolerance": ((1e-3, 1e-6, 1e-9, 1e-12), "tolerance, double pendulum"),
 }
@@ -179,6 +199,8 @@ BY_SIZE = {  # studies of many coordinates, in figures
     "fput_swift": "FPUT, twice as far",
     "toda": "Toda",
     "lattice": "lattice",
+    "waypoints": "waypoints",
+    "waypoints_unknown": "waypoints, times unknown",
 }
 BY_UNKNOWNS = {"elements": "double pendulum", "duration": "pendulum, longer", "lattice": "lattice"}
 UNITS = {"time": ("time (s)", 1.0), "memory": ("memory (MB)", 1e6)}
@@ -227,12 +249,12 @@ def figure(rows: Rows, file) -> None:
         for k, (study, name) in enumerate(BY_SIZE.items()):
             _line(ax, *curve(rows.get(study, {}), key), key, label=name, color=f"C{k}")
         ax.set_title(f"{UNITS[key][0]}, many coordinates", fontsize=10)
-        ax.set_xlabel("links, bodies, masses")
+        ax.set_xlabel("links, bodies, masses, waypoints")
     fig.legend(
         *axes[0, 0].get_legend_handles_labels(),
         fontsize=9,
         frameon=False,
-        ncols=4,
+        ncols=5,
         loc="upper center",
     )
     for ax, study in zip(axes[1:].flat, QUESTIONS, strict=False):
