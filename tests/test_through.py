@@ -171,7 +171,7 @@ def test_all_reflections_in_a_circle_are_found():
     angles = np.linspace(0, 2 * np.pi, 4001)
     q = np.array([np.cos(angles), np.sin(angles)])
     lengths = np.hypot(*(q.T - a).T) + np.hypot(*(q.T - b).T)
-    slopes = np.diff(np.append(lengths[:-1], lengths[:2]))
+    slopes: Any = np.diff(np.append(lengths[:-1], lengths[:2]))
     extremal = int(np.sum(slopes[1:] * slopes[:-1] < 0))
     found = ao.solve_all(problem, starts=2)
     assert len(found.solutions) == extremal
@@ -238,8 +238,6 @@ def test_events_that_do_not_fit_are_refused(events, message):
 def test_what_is_not_known_of_paths_through_events_is_refused():
     between = [ao.Event(0.5, [1, None])]
     ends = ao.Event(0, [0, 0]), ao.Event(1, [1, 0])
-    with pytest.raises(ValueError, match="Periodic"):
-        ao.Problem(FREE, ends[0], ao.Periodic(1), through=between)
     with pytest.raises(ValueError, match="one for each of 2 legs"):
         ao.Problem(cast(Any, [FREE] * 3), *ends, through=between)
     found = ao.solve(ao.Problem(FREE, *ends, through=between))
@@ -247,7 +245,6 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
         lambda: ao.second_variation(found),
         lambda: spectrum_data(found),
         lambda: ao.conjugate_points(found),
-        lambda: ao.monodromy(found),
         lambda: ao.solve_all(found.problem),
     ):
         with pytest.raises(ValueError, match="without events between its ends"):
@@ -305,3 +302,60 @@ def test_the_matrix_is_the_derivative_of_the_equations():
     columns = [(equations.residual(y + e) - equations.residual(y - e)) / 2e-6 for e in steps]
     matrix = full(equations.layout, equations.kkt(y))
     assert matrix == pytest.approx(np.stack(columns, axis=1), abs=1e-6)
+
+
+@pytest.mark.parametrize(("a", "b"), [(2.0, 1.0), (1.3, 1.7)])
+def test_an_orbit_between_the_vertices_of_an_ellipse(a, b):
+    """Two bounces on the axis of y: the trace of the monodromy is 4 (1 - L / R)^2, R = a^2 / b."""
+    wall = ao.Bounce(lambda q, t: 1 - (q[0] / a) ** 2 - (q[1] / b) ** 2)
+    problem = ao.Problem(FREE, ao.Event(0, [None, 0.0]), ao.Periodic(1.0), through=[wall] * 2)
+    guess = [[0.01, 0, 0, 0.01], [0, b, -b, 0]]
+    found = ao.solve(problem, guess=guess, tol=1e-11)
+    assert found.action == pytest.approx((4 * b) ** 2 / 2, abs=1e-9)
+    assert np.ptp(found.momenta, axis=0) == pytest.approx([0, 0], abs=1e-9)
+    M = ao.monodromy(found)
+    J = np.kron([[0, 1], [-1, 0]], np.eye(2))
+    assert np.abs(M.T @ J @ M - J).max() < 1e-8
+    g = 1 - 2 * b * b / a**2
+    assert np.trace(M) == pytest.approx(4 * g * g, abs=1e-8)
+    assert M.stable == (abs(g) < 1)
+    assert found.compare().agrees
+
+
+@pytest.mark.parametrize("x", [0.5, -1.2])
+def test_a_closed_path_is_kicked_at_a_waypoint(x):
+    """x'' = -w^2 x + cos t with one kick a turn: the steady state, and Green's function."""
+    w = 1.3
+    driven = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - w**2 * q[0] ** 2 / 2 + q[0] * np.cos(t), ["x"]
+    )
+    kick = ao.Event(1.0, [x])
+    found = ao.solve(
+        ao.Problem(driven, ao.Event(0, [None]), ao.Periodic(2 * np.pi), through=[kick]), tol=1e-11
+    )
+    steady = np.cos(1.0) / (w**2 - 1)
+    assert found.impulses[0, 0] == pytest.approx((x - steady) * 2 * w * np.tan(np.pi * w), rel=1e-9)
+    assert found.momenta[0] == pytest.approx(found.momenta[1], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("start", "events", "says"),
+    [
+        ([None, None], [ao.Bounce(lambda q, t: 1 - q @ q)] * 2, "where a closed path .* begins"),
+        ([0, None], [ao.Event(0.5, [1, None])], "return in a kink"),
+    ],
+)
+def test_where_a_closed_path_begins_is_said_once(start, events, says):
+    with pytest.raises(ValueError, match=says):
+        ao.solve(ao.Problem(FREE, ao.Event(0, start), ao.Periodic(1), through=events))
+
+
+def test_a_closed_path_that_returns_in_a_kink_is_none():
+    """Up from y = 0.4 to the floor and back: y returns, with the momentum reversed."""
+    fall = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
+    bowl = ao.Bounce(lambda q, t: q[1] - 0.2 * q[0] ** 2)
+    problem = ao.Problem(
+        fall, ao.Event(0, [None, 0.4]), ao.Periodic(None), through=[bowl], energy=0.5
+    )
+    with pytest.raises(ao.SolveError, match="returns with another momentum"):
+        ao.solve(problem, guess=[[0, 0, 0], [0.4, 0, 0.4]])

@@ -13,9 +13,10 @@ import numpy as np
 
 from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form
+from actionopt.analysis.sensitivity import second_through
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import moves_of
+from actionopt.discrete.borders import moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Event, Problem
@@ -119,7 +120,6 @@ def monodromy(solution: Solution) -> Monodromy:
     Meyer, Hall and Offin, *Introduction to Hamiltonian Dynamical Systems* (2009), chapters 2 and 8.
     """
     problem = question(solution)
-    check_whole(problem, "the motion of neighbours")
     system = problem.system
     if system.m:
         raise ValueError(
@@ -131,6 +131,9 @@ def monodromy(solution: Solution) -> Monodromy:
             "expected a path that touches no obstacle, found one that does: its neighbours are "
             "carried along it by other forces; give the free parts, each as a problem of its own"
         )
+    if problem.through:
+        return _through(solution)
+    check_whole(problem, "the motion of neighbours")
     start = Event(problem.start.t, None)
     end = Event(problem.end.t, None) if problem.advance is None else problem.end.at(problem.end.t)
     free = Problem(system, start, end, parameters=problem.parameters)
@@ -143,6 +146,36 @@ def monodromy(solution: Solution) -> Monodromy:
         bordered, _ = Bordered.around(asked, solution.path, None, discrete.tr.lengths, moves)
         found.trivial = bordered.phases
     return found
+
+
+def _through(solution: Solution) -> Monodromy:
+    """Return the matrix along a path that is reflected, refracted or kicked on its way.
+
+    From the second derivatives of the principal function S(q0, q1), in which places and times of
+    the events follow the ends.
+    """
+    problem, n = solution.problem, solution.problem.system.n
+    asked = problem.asked or problem
+    times = times_of(problem)
+    q0, q1 = solution.path.values[:, 0], solution.path.values[:, -1]
+    ends = Event(times[0], q0), Event(times[-1], q1)
+    opened = asked.replace(start=ends[0], end=ends[1], energy=None)
+    Q = np.array([solution(t) for t in times])
+    found = opened.found_at(times, Q) if opened.is_joined else opened
+    at = DiscretePath.of(found, solution.path, lengths=solution.discrete.tr.lengths)
+    a, b, c = second_through(at)
+    if not np.isfinite(b).all() or np.linalg.matrix_rank(b) < n:
+        raise ValueError(
+            "expected ends of a path through events that are not conjugate, found that they are: "
+            "begin a closed path elsewhere along itself"
+        )
+    inverse = np.linalg.inv(b)
+    M = np.block([[-inverse @ a, -inverse], [b.T - c @ inverse @ a, -c @ inverse]])
+    order = list(problem.order) or list(range(n))
+    rows = np.argsort(order)
+    M = M[np.r_[rows, n + rows]].view(Monodromy)
+    M.trivial = int(problem.advance is not None and not problem.system.structure.depends_on_time)
+    return M
 
 
 def transport_matrix(form: Form) -> Array:

@@ -110,7 +110,7 @@ def sensitivity(
         )
     problem = at.problem
     if problem.through or problem.integral is not None:
-        second = _second_through(at)
+        second = second_through(at)
     else:
         second = _second(resolve(at, error, SENSITIVITY_RESOLUTION))
     found = slopes(at, momenta, jumps)
@@ -197,7 +197,7 @@ def _second(form: Form) -> tuple[Array, Array, Array]:
     return start.T @ hessian @ start, start.T @ hessian @ end, end.T @ hessian @ end
 
 
-def _second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
+def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
     """Return them for a path through events or with given integrals, on its mesh.
 
     The ends are free in the equations, and held by multipliers: d2S is what these change by as the

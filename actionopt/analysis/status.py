@@ -45,8 +45,8 @@ class Status(Enum):
         "the Lagrangian jumps on a surface that the path crosses, and the energy with it: the "
         "force there is infinite, no derivative shows it, and this is no stationary path; replace "
         "the step (a comparison, abs(q) / q, the branch of an arctan) by a smooth one "
-        "(np.tanh) of some width, or solve each side by itself with an event on the surface, which "
-        "lies right where the momentum along it is continuous"
+        "(np.tanh) of some width, or give one system for each side and the surface between them: "
+        "Problem([one, other], start, end, through=[Event(None, None, on=surface)])"
     )
     OUT_OF_TIME = (
         "the time that was given ran out: this is the best attempt so far, which may be no path; "

@@ -36,7 +36,7 @@ from actionopt.solver.ipopt import find
 from actionopt.solver.on_surface import firsts
 from actionopt.solver.pursue import first
 from actionopt.solver.strategies import GUESS_ONLY, STRATEGIES
-from actionopt.solver.through import attempts
+from actionopt.solver.through import CLOSED_MOMENTUM, attempts
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
@@ -51,7 +51,6 @@ SAME_COARSE_PATH = 1e-3
 SAME_VELOCITY = 1e-3
 SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the same
 FAMILY_REACH = 1e6  # what goes farther does so by round-off alone
-CLOSED_MOMENTUM = 1e-4  # difference of two momenta: a larger one is a kink
 VELOCITY_BISECTIONS = 25  # to a guess as good as single precision
 CONTINUATION_TOL = 1e-5  # of paths on the way to another
 CONTINUATION_STEPS = 160
@@ -514,7 +513,7 @@ class Answers:
         if not (self.problem.system.r or _is_motion(solution)):
             self.rejected += 1
             return
-        if self.closed and not _closes(c, solution):
+        if self.closed and not (self.problem.is_joined or _closes(c, solution)):
             self.kinked.append((solution, c.turns))
             return
         if family:

@@ -134,11 +134,6 @@ def check_course(problem: Any) -> tuple[Event, ...]:
 def _refuse(problem: Any, unknown: bool) -> None:
     """Raise ValueError for what does not go with events between the ends."""
     system = problem.system
-    if isinstance(problem.end, Periodic):
-        raise ValueError(
-            "expected an Event as the end of a path through events, found a Periodic end: closed "
-            "paths through events are not known; give the end a time and coordinates"
-        )
     if problem.is_infinite:
         raise ValueError(
             "expected finite times of a path through events, found an infinite one; give both ends "
@@ -164,6 +159,23 @@ def _refuse(problem: Any, unknown: bool) -> None:
         raise ValueError(
             "expected a Lagrangian without branches in the time where times or places of events "
             "are to be found, found one with; give one system for each leg instead"
+        )
+
+
+def check_phase(problem: Any) -> None:
+    """Raise ValueError where not one thing tells where a closed path through events begins."""
+    timed = any(e.t is not None for e in problem.through)
+    if not (problem.start.pinned or timed):
+        raise ValueError(
+            "expected what tells where a closed path through events begins, found no coordinate "
+            "at the start, no time of an event and no clock; give a coordinate that the path has "
+            "at its start, such as Event(0, [0, None])"
+        )
+    if problem.start.pinned and timed:
+        raise ValueError(
+            "expected a start that gives no coordinate of a closed path whose events have given "
+            "times, found one that does: they tell where it begins, and it would return in a "
+            "kink; leave the coordinates of the start free, or the times"
         )
 
 

@@ -80,10 +80,9 @@ class Problem:
         obstacle, or the times do not increase, by 1e-100 to 1e100; a parameter is unknown, a
         constraint contains no coordinate, what an event lies on does not fit, or there is no
         system. If events between the ends give nothing, are not as many as the laws of legs less
-        one, or go with what is not known of them: a Periodic end, an infinite time, an obstacle;
-        a constraint or a force where times or places are to be found. If the values of integrals
-        are not as many as the system has, or go with several laws, a constraint, a Periodic end
-        or an infinite time.
+        one, or go with what is not known of them: an infinite time, an obstacle; a constraint or a
+        force where times or places are to be found. If the values of integrals are not as many as
+        the system has, or go with several laws, a constraint, a Periodic end or an infinite time.
     """
 
     system: System
@@ -419,8 +418,11 @@ class Problem:
 
     @property
     def closes(self) -> bool:
-        """Whether paths close that may start anywhere along themselves, as L has no clock."""
-        if not isinstance(self.end, Periodic):
+        """Whether paths close that may start anywhere along themselves, as L has no clock.
+
+        Events between the ends, or a coordinate at the start, tell where they begin.
+        """
+        if not isinstance(self.end, Periodic) or self.through:
             return False
         structure = self.system.structure
         return not (structure.depends_on_time or structure.forced)

@@ -12,6 +12,8 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.mechanics.course import check_phase
+from actionopt.mechanics.events import Periodic
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.other_curves import read_curve
@@ -63,7 +65,10 @@ def check_arguments(
 
 
 def check_problem(problem: Problem, others: Sequence[Any] = ()) -> None:
-    """Raise ValueError if there is no problem, TypeError for `others` given without their names."""
+    """Raise ValueError if there is no problem, TypeError for `others` given without their names.
+
+    And ValueError where nothing tells where a closed path through events begins.
+    """
     if not isinstance(problem, Problem):
         hint = "; make one of the system and the events" if isinstance(problem, System) else ""
         if isinstance(problem, Solution):
@@ -74,6 +79,10 @@ def check_problem(problem: Problem, others: Sequence[Any] = ()) -> None:
             "expected the problem, and whatever else by its name, such as tol=1e-8, found also "
             f"{', '.join(map(repr, others))}"
         )
+    asked = problem.asked or problem
+    closed = isinstance(asked.end, Periodic) and not asked.system.structure.depends_on_time
+    if asked.through and closed:
+        check_phase(asked)
 
 
 def read_guess(problem: Problem, guess: Any) -> Guess | None:

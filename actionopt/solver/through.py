@@ -50,6 +50,7 @@ SAME_FIRST = 1e-4  # of the sizes, and of the duration: nearer paths on their fi
 PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of logarithms of times
 CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
 NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
+CLOSED_MOMENTUM = 1e-4  # of the momenta: a larger change where a path closes is a kink
 GRAZING_SPEED = 1e-6  # of the speed, that across a surface which is touched only
 SEVERAL = 8  # paths with given integrals of which the least is taken, if none is a minimum
 
@@ -170,6 +171,10 @@ def objection(solution: Solution) -> str:
     """Return why a stationary path is no answer, in a sentence; empty if it is one."""
     problem, legs = solution.problem, solution.legs
     joints, packed = problem.joints, problem.packed
+    if problem.advance is not None and not problem.system.structure.depends_on_time:
+        p0, p1 = solution.momenta
+        if np.abs(p1 - p0[list(problem.order)]).max() > CLOSED_MOMENTUM * np.abs(p0).max():
+            return "the path found returns with another momentum, in a kink"
     for k, event in enumerate(joints):
         if not isinstance(event, Bounce):
             continue
@@ -331,6 +336,8 @@ def _begin(problem: Problem, q: Array, size: Array, share: Array) -> tuple[Path,
                 if found is None:
                     return None
                 q[k] = found
+        if problem.advance is not None:
+            q[-1] = problem.closed_from(q[0])
         times = _fill(times_of(problem), share * _durations(problem, q))
     if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
         return None
