@@ -6,7 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, fsolve
 
 import actionopt as ao
@@ -177,3 +177,29 @@ def test_closed_paths_with_integrals_are_refused():
     problem = ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Event(1, [1]), integral=1)
     with pytest.raises(ValueError, match=r"integral|ipopt"):
         ao.solve(problem, method="ipopt")
+
+
+@pytest.mark.parametrize(
+    ("kappa", "p", "action", "index"),
+    [
+        ((-573.455506581106, -345.649592078397), -0.708894177508575, 221.450878351367, 1),
+        ((-572.828562746666, -347.408046662638), 0.479536646755838, 221.456073556869, 2),
+    ],
+)
+def test_a_rod_that_winds_once_is_found_from_its_shape(kappa, p, action, index):
+    """Two shapes of an elastica between clamps, all but the same, from motions made otherwise."""
+    rod = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2,
+        ["angle"],
+        integral=lambda q, v, t: [np.cos(q[0]), np.sin(q[0])],
+    )
+    problem = ao.Problem(rod, ao.Event(0, [0.5]), ao.Event(1, [-1]), integral=[0.6, 0.3])
+
+    def bend(t, y):
+        return [y[1], kappa[1] * np.cos(y[0]) - kappa[0] * np.sin(y[0])]
+
+    shape = solve_ivp(bend, (0, 1), [0.5, p], rtol=1e-9, atol=1e-9, dense_output=True).sol
+    found = ao.solve(problem, guess=lambda t: shape(t)[:1], tol=1e-10)
+    assert found.action == pytest.approx(action, abs=1e-9)
+    assert found.integral_multipliers == pytest.approx(np.array(kappa), rel=1e-9)
+    assert found.morse_index == index

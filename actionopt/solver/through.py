@@ -48,6 +48,7 @@ BEFORE_RAYS = 2  # of them, before motions are
 ALL_ROUNDS = 10  # of motions, to find all answers
 SAME_FIRST = 1e-4  # of the sizes, and of the duration: nearer paths on their first mesh are one
 PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of logarithms of times
+GUESS_ELEMENTS = 16  # where integrals are given: on half of them a rod that winds once is lost
 CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
 NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
 CLOSED_MOMENTUM = 1e-4  # of the momenta: a larger change where a path closes is a kink
@@ -452,7 +453,7 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
         times = _fill(given, np.diff(on_curve))
     mesh = polygon(np.zeros((len(times), n)), times).mesh
     if problem.integral is not None:
-        mesh = wave_mesh(times)
+        mesh = wave_mesh(times, GUESS_ELEMENTS)
     s = np.interp(mesh.nodes, times, on_curve)
     return Path(mesh, np.asarray(curve(s), dtype=float).reshape(n, -1)), times
 

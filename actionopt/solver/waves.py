@@ -70,10 +70,10 @@ def first_waves(
             yield DiscretePath(tr, found).path
 
 
-def wave_mesh(times: Array) -> Mesh:
+def wave_mesh(times: Array, elements: int = WAVE_ELEMENTS) -> Mesh:
     """Return a mesh for waves between events at times (k + 2,)."""
     legs = np.diff(times)
-    parts = np.maximum(1, np.ceil(WAVE_ELEMENTS * legs / legs.sum()).astype(int))
+    parts = np.maximum(1, np.ceil(elements * legs / legs.sum()).astype(int))
     ends = zip(times[:-1], times[1:], parts, strict=True)
     b = [np.linspace(a, e, k, endpoint=False) for a, e, k in ends]
     return Mesh(np.append(np.concatenate(b), times[-1]), WAVE_DEGREE)
