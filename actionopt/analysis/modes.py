@@ -9,7 +9,7 @@ import numpy as np
 
 from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
 from actionopt.analysis.jacobi import resolve
-from actionopt.analysis.second_variation import Form, are_units, condense
+from actionopt.analysis.second_variation import Form, are_units
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.path import Path
@@ -19,6 +19,9 @@ from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array, NDInt
 
 DENSE_EIGENPROBLEM = 600  # free variations up to which all eigenvalues are computed at once; ad hoc
+NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are round-off; ad hoc
+SHIFT_STEPS = 4  # of inverse iteration with one shift: a factorization costs some of them; ad hoc
+RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where values are close; ad hoc
 SUBSPACE_STEPS = 200  # of inverse iteration, most; ad hoc, it ends by itself in some tens
 
 
@@ -146,7 +149,7 @@ def _assemble(form: Form, free: NDInt) -> tuple[NDInt, NDInt, Array, Array]:
         mass[at] += m
         mine = number[at]
         key = mine[None, :] * free.size + mine[:, None]
-        keep = (mine[:, None] >= 0) & (mine >= 0)
+        keep = (mine[:, None] >= 0) & (mine >= 0) & ((E != 0) | np.eye(len(E), dtype=bool))
         keys.append(key[keep])
         parts.append(E[keep])
     if form.closed:
@@ -160,25 +163,31 @@ def _subspace(form: Form, matrix: ca.DM, count: int) -> tuple[Array, Array]:
     """Return the lowest eigenvalues (count,) and vectors (size, count) by inverse iteration.
 
     The shift lies below the spectrum, which the pivots' signs tell, so that the matrix is
-    positive definite and its factorization needs no pivoting.
+    positive definite and its factorization needs no pivoting. From step to step it comes nearer.
     """
     size = matrix.shape[0]
     block = np.random.default_rng(0).standard_normal((size, min(2 * count + 6, size)))
     gap = float(np.abs(np.asarray(form.tr.action_unit))) / form.tr.problem.duration
     gap /= float(np.median(form.units / form.tr.lengths)) ** 2
-    while condense(form, form.shifted(mass=-gap)).negative:
-        gap *= 4
-    shifted = matrix + gap * ca.DM.eye(size)
-    solver = ca.Linsol("ldl", "ldl", shifted.sparsity())
-    solver.sfact(shifted)
-    solver.nfact(shifted)
-    values = np.full(count, np.inf)
-    for _ in range(SUBSPACE_STEPS):
-        block, _ = np.linalg.qr(np.asarray(solver.solve(shifted, ca.DM(block))))
+    shift, unit = -gap, ca.DM.eye(size)
+    values, last, factors = np.full(count, np.inf), np.inf, None
+    for step in range(SUBSPACE_STEPS):
+        if step % SHIFT_STEPS == 0:
+            if step:
+                gap = values[-1] - values[0] + RITZ_ERROR * abs(values[0])
+                shift = max(shift, float(values[0] - gap))
+            nearer = ca.ldl(matrix - shift * unit)
+            while (nearer[0].full() < 0).any():  # the lowest was not among the Ritz values
+                gap *= 16
+                shift -= gap
+                nearer = ca.ldl(matrix - shift * unit)
+            factors = nearer
+        block, _ = np.linalg.qr(ca.ldl_solve(ca.DM(block), *factors).full())  # type: ignore
         ritz, turn = np.linalg.eigh(block.T @ np.asarray(matrix @ ca.DM(block)))
         block = block @ turn
-        settled = np.max(np.abs(ritz[:count] - values)) < 1e-13 * (np.abs(ritz[count - 1]) + gap)
+        scale, change = np.abs(ritz[:count]).max() + abs(shift), np.abs(ritz[:count] - values).max()
         values = ritz[:count]
-        if settled:
+        if change < 1e-13 * scale or last / 2 < change < NEARLY_SETTLED * scale:
             break
+        last = change
     return values, block[:, :count]
