@@ -100,7 +100,8 @@ class Branch:
     kappa: Array | None = None
     like: Transcription | None = None
     bordered: Bordered | None = None  # where more than the path is to be found
-    solves: int = 0  # factorizations so far
+    factors: Factors | None = None  # of a matrix before, from which solutions may be refined
+    solves: int = 0  # linear systems so far
 
     def first_unknowns(self, path: Path, lam: Array | None, s: float) -> Array:
         """Return the unknowns of the path at s, from which the branch is to begin."""
@@ -211,7 +212,13 @@ class Branch:
         cut = tr.layout.unknowns
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
         edges = column[:, None], last[None, :-1], last[-1:, None]
+        layout, nonzeros = border_matrix(tr.layout, tr.kkt(z), *edges)
+        known = self.factors
+        same = known is not None and known.layout is layout and not layout.small
         try:
-            return Factors(*border_matrix(tr.layout, tr.kkt(z), *edges)).solve(right)
+            near = known.near(nonzeros) if known and same else Factors(layout, nonzeros)
+            found = near.solve(right)
         except np.linalg.LinAlgError:
             return None
+        self.factors = known if near.is_refined else near
+        return found

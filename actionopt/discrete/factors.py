@@ -77,6 +77,11 @@ class Factors:
         other._near = None if self.layout.small or self._even else self._direct
         return other
 
+    @property
+    def is_refined(self) -> bool:
+        """Whether solutions are refined from those of a matrix near this one."""
+        return self._near is not None
+
     @cached_property
     def _direct(self) -> Callable[[Array], Array] | None:
         """What solves but for errors; None if nothing does so quickly."""

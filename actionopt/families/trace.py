@@ -14,11 +14,11 @@ from time import perf_counter
 
 import numpy as np
 
-from actionopt.analysis.index import inertia_of, inertia_through, with_duration
+from actionopt.analysis.index import NEAR_ZERO, inertia_of, inertia_through, with_duration
 from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import lowest
 from actionopt.analysis.monodromy import transport_matrix
-from actionopt.analysis.second_variation import check_independent, form
+from actionopt.analysis.regular import regular_index
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.arclength import Branch, BranchPoint, switches_of
@@ -191,14 +191,8 @@ class _TraceRun:
     solves: int = 0
 
     def begin(self, solution: Solution) -> None:
-        """Start from a solution, on a mesh that resolves its Jacobi fields as well."""
+        """Start from a solution."""
         at, problem = solution.discrete, solution.problem
-        fixed = problem.asked is None and not problem.closes
-        if self.counting and not _is_course(problem):
-            try:
-                at = resolve(at, solution.error, TRACE_RESOLUTION, polish=fixed).at
-            except ValueError as error:
-                raise _Uncounted(_without(error)) from None
         self.sizes = at.tr.lengths
         linear = problem.system.structure.linear
         self.pole_size = POLE_SIZE if linear else max(POLE_SIZE, self.tol ** (-2 / 3))
@@ -338,8 +332,11 @@ class _TraceRun:
         try:
             if _is_course(point.at.problem):
                 return inertia_through(point.at, 0.0).index
-            found = form(point.at)
-            check_independent(found.at, found.units, self.tol)
+            if not isinstance(point.tr, Bordered):
+                index = regular_index(point.at, self.tol, NEAR_ZERO)
+                if index is not None:
+                    return index
+            found = resolve(point.at, self.tol, TRACE_RESOLUTION)
             inertia = inertia_of(found)
             if isinstance(point.tr, Bordered):
                 inertia = with_duration(inertia, point.tr, point.z, found)
@@ -380,11 +377,6 @@ class _TraceRun:
         tr, Q = point.at.tr, point.at.Q
         sizes = np.max(np.abs(Q), axis=0)
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
-        if mesh is None and self.counting and not _is_course(point.at.problem):
-            try:
-                mesh = finer(tr.mesh, TRACE_RESOLUTION, form=form(point.at))
-            except ValueError as error:
-                raise _Uncounted(_without(error)) from None
         if mesh is None and not np.any(sizes > GROWN_UNITS * tr.lengths):
             return
         self.meshes += mesh is not None
@@ -422,8 +414,8 @@ class _TraceRun:
 
         problem = there.at.problem
         has_multipliers = self.counting and problem.closes and not problem.system.m
-        if has_multipliers and _doubling(here) * _doubling(there) < 0:
-            found = self._locate(here, step, _doubling)
+        if has_multipliers and self._doubling(here) * self._doubling(there) < 0:
+            found = self._locate(here, step, self._doubling)
             marks.append(self._mark("period doubling", found or there, before, after))
         return marks
 
@@ -435,7 +427,12 @@ class _TraceRun:
         """Return what is positive where the index is more than j, or less, and negative else."""
         if isinstance(point.tr, Bordered) or _is_course(point.at.problem):
             return self._index(point) - j - 0.5
-        return lowest(form(point.at), j + 1)[0][j]
+        return lowest(resolve(point.at, self.tol, TRACE_RESOLUTION), j + 1)[0][j]
+
+    def _doubling(self, point: BranchPoint) -> float:
+        """Return det(M + 1) of the monodromy matrix M, zero where a multiplier is -1."""
+        M = transport_matrix(resolve(point.at, self.tol, TRACE_RESOLUTION))
+        return float(np.linalg.det(M + np.eye(len(M))))
 
     def _is_fold(self, point: BranchPoint, changes: int) -> bool:
         """Whether one of several changes of the index is at a fold."""
@@ -468,12 +465,6 @@ class _TraceRun:
 def _is_course(problem: Problem) -> bool:
     """Whether a path passes events or has given integrals: its index is that of all its legs."""
     return bool(problem.through) or problem.integral is not None
-
-
-def _doubling(point: BranchPoint) -> float:
-    """Return det(M + 1) of the monodromy matrix M, zero where a multiplier is -1."""
-    M = transport_matrix(form(point.at))
-    return float(np.linalg.det(M + np.eye(len(M))))
 
 
 def _without(error: ValueError) -> str:
