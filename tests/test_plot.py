@@ -183,3 +183,15 @@ def test_the_areas_of_a_path_of_given_integral_are_those_of_the_action():
     data = plot.energies_data(solution)
     area = np.trapezoid(data.kinetic - data.potential, data.t)
     assert area == pytest.approx(solution.action, rel=1e-4)
+
+
+def test_a_family_of_reflections_shows_the_wall():
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    wall = ao.Bounce(lambda q, t: 1 - q @ q)
+    ends = ao.Event(0, [-0.6, 0.2]), ao.Event(1, [0.8, 0.1])
+    problem = ao.Problem(free, *ends, through=[wall])
+    guesses = [[[-0.6, x, 0.8], [0.2, y, 0.1]] for x, y in ((0, 1), (0, -1))]
+    ax = plot.family([ao.solve(problem, guess=guess) for guess in guesses])
+    points = [path.vertices for c in ax.collections for path in c.get_paths() if len(path) > 50]
+    radii = np.linalg.norm(np.concatenate(points), axis=1)
+    assert (np.abs(radii - 1) < 1e-3).sum() > 100

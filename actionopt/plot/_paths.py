@@ -24,7 +24,8 @@ from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
 BADGE: Any = {"boxstyle": "circle,pad=0.2", "edgecolor": style.GREY}
-HALF_SHIFTS = np.array([-0.5, 0.5])
+# Parts of the longer range of two axes of equal scales: either may reach so far. Ad hoc.
+AXES_REACH = np.array([-0.8, 0.8])
 OBSTACLE = 200  # points along each axis where an obstacle is asked: half a line's width apart
 LARGEST_IMPULSE = 0.15  # of the picture's size, the largest impulse; ad hoc
 BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
@@ -117,7 +118,7 @@ def _surfaces(ax: Axes, solution: Solution, t: Array) -> None:
     limits = np.array([ax.get_xlim(), ax.get_ylim()])
     reach = limits
     if n == 2:  # of equal scales, an axis may reach farther than its limits say yet
-        reach = limits.mean(axis=1, keepdims=True) + np.ptp(limits, axis=1).max() * HALF_SHIFTS
+        reach = limits.mean(axis=1, keepdims=True) + np.ptp(limits, axis=1).max() * AXES_REACH
     (left, right), (low, high) = reach
     x, y = np.meshgrid(np.linspace(left, right, OBSTACLE), np.linspace(low, high, OBSTACLE))
     seen = ax.dataLim.frozen()  # the axes are those of the path
@@ -207,7 +208,8 @@ def family(
     """Draw all the paths between two events, coloured by action and labelled by index.
 
     `solutions` is what `solve_all` returns, or any solutions between the same events. Orbits for
-    Cartesian coordinates, else one `coordinate` against time.
+    Cartesian coordinates, else one `coordinate` against time. Obstacles and what events lie on are
+    drawn as by `paths`.
     """
     found = list(solutions)
     t, paths, actions = family_data(found)
@@ -230,6 +232,8 @@ def family(
             fontsize="small",
             bbox={**BADGE, "facecolor": style.paper()},
         )  # fmt: skip
+    if place is None or system.n == 1:
+        _surfaces(ax, found[0], t)
     if len(found) > 1:
         text = label("action $S$", units.action)
         style.colour_bar(ax, actions, norm, style.unsigned_colours(), text)
