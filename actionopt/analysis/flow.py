@@ -178,7 +178,10 @@ class Flow:
             r[n:] = (np.max(np.abs(M)) or 1.0) / np.max(np.abs(G), axis=1)
             for _ in range(5):
                 r /= np.sqrt(np.max(np.abs(K * r * r[:, None]), axis=1))
-            if np.linalg.cond(K * r * r[:, None]) < MAX_CONDITION:
+            K = K * r * r[:, None]
+            own = np.abs(K.diagonal())  # all there is without constraints, often
+            coupled = np.count_nonzero(K) > np.count_nonzero(own)
+            if (np.linalg.cond(K) if coupled else own.max() / own.min()) < MAX_CONDITION:
                 return r
         raise ValueError(
             f"expected equations of motion that give the accelerations {_of(state)}, found a "
@@ -275,12 +278,15 @@ def _derive(system: System) -> ca.Function:
     p = ca.vertcat(sym.p, t0, T, c, units, rows)
     equations = ca.Function("equations", [s, x, p], [K, right, v, T / units, rows[:n]])
 
-    # A sparse QR node solves for the accelerations: closed formulas for more than a few
-    # coordinates are slower to build and slower to evaluate. The equations are equilibrated,
+    # A sparse QR node solves for accelerations that are coupled: closed formulas for more than a
+    # few coordinates are slower to build and slower to evaluate. The equations are equilibrated,
     # and its own threshold, which would be absolute, is off.
     S, X, P = ca.MX.sym("s"), ca.MX.sym("x", 2 * n), ca.MX.sym("p", p.numel())
     K, right, v, factor, r = equations(S, X, P)
-    a = r * ca.solve(K, right, "qr", {"eps": 0.0})[:n]
+    if system.has_diagonal_mass and not m:
+        a = r * right / ca.diag(K)
+    else:
+        a = r * ca.solve(K, right, "qr", {"eps": 0.0})[:n]
     none = ca.MX(0, 1)
     inputs = {"t": S, "x": X, "z": none, "p": P, "u": none}
     ode = ca.densify(factor * ca.vertcat(v, a))

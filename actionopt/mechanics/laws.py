@@ -325,6 +325,16 @@ class Laws:
         M, bias, G, gamma = self.motion
         return self._arguments, [_dense(x) for x in (M, bias, G, gamma)]
 
+    def _build_even_motion(self):
+        M, bias, _, _ = self.motion
+        return self._arguments, [_dense(ca.diag(M)), _dense(bias)]
+
+    @Once
+    def has_diagonal_mass(self) -> bool:
+        """Whether no two velocities multiply each other in L."""
+        rows, cols = self.pointwise("second").sparsity(2)
+        return bool((rows == cols).all())
+
     @Once
     def motion(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Index-1 equations of motion as expressions: M a - G' lam = bias, G a = -gamma.

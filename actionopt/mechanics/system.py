@@ -728,6 +728,11 @@ class System(Laws):
         Where `active` (m, ...) is given, of the constraints it names; others have no multiplier.
         """
         n, m = self.n, self.m
+        if not m and self.has_diagonal_mass:
+            mass, bias = self._at("even_motion", q, v, t, parameters)
+            if not mass.all():
+                raise np.linalg.LinAlgError("Singular matrix")
+            return bias / mass, np.zeros((0, *bias.shape[1:]))
         M, bias, G, gamma = self._at("motion", q, v, t, parameters)
         shape = bias.shape[1:]
         count = bias[0].size
