@@ -407,6 +407,22 @@ def test_a_sweep_prints_what_was_found_and_writes_it(capsys, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG") and (tmp_path / "part").is_file()
 
 
+def test_a_sweep_moves_an_event_between_the_ends(capsys, tmp_path):
+    file, arrays = tmp_path / "waypoint.py", tmp_path / "map.npz"
+    file.write_text(
+        "import actionopt as ao\n"
+        "free = ao.System(lambda q, v, t: v[0] ** 2 / 2, ['x'])\n"
+        "between = [ao.Event(1.0, [1.0])]\n"
+        "problem = ao.Problem(free, ao.Event(0, [0]), ao.Event(2, [0]), through=between)\n"
+    )
+    over = "--over", "through.0.t=0.5:1.5:3"
+    code, _, err = run(capsys, "sweep", str(file), *over, "--out", str(arrays))
+    assert (code, err) == (0, "")
+    with np.load(arrays) as kept:
+        t, S = kept["through.0.t"], kept["action"]
+    assert pytest.approx(1 / (2 * t) + 1 / (2 * (2 - t))) == S
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [

@@ -45,17 +45,18 @@ def add_to(command: argparse.ArgumentParser) -> None:
     add("--plot", metavar="FILE", help="draw the action (png, pdf, svg, ...)")
 
 
-def _over(text: str) -> tuple[str | tuple[str, str], Any]:
+def _over(text: str) -> tuple[str | tuple[Any, ...], Any]:
     name, equals, row = text.partition("=")
     try:
         first, last, count = row.split(":")
         if not (equals and name and int(count) > 0):
             raise ValueError
-        event, dot, coordinate = name.partition(".")
-        return (event, coordinate) if dot else name, (float(first), float(last), int(count))
+        parts = tuple(int(x) if x.isdigit() else x for x in name.split("."))
+        return parts if "." in name else name, (float(first), float(last), int(count))
     except ValueError as error:
         raise argparse.ArgumentTypeError(
-            f"expected NAME=FROM:TO:COUNT, such as g=9:10:50 or end.x=0:1:20, found {text!r}"
+            f"expected NAME=FROM:TO:COUNT, such as g=9:10:50, end.x=0:1:20 or through.0.t=1:2:9, "
+            f"found {text!r}"
         ) from error
 
 
