@@ -1,4 +1,4 @@
-"""The guide and the page of test problems: each piece of code runs, in order, and each value that
+"""The guide and the pages beside it: each piece of code runs, in order, and each value that
 a comment states is found.
 """
 
@@ -12,10 +12,10 @@ import pytest
 from matplotlib import pyplot
 
 DOCS = Path(__file__).parent.parent / "docs"
-GUIDE, SUITE = DOCS / "guide.md", DOCS / "test_problems.md"
+GUIDE, SUITE, OTHERS = (DOCS / name for name in ("guide.md", "test_problems.md", "others.md"))
 DECIMAL = re.compile(r"-?\d+\.\d+")
 # Values at least: comments that are not taken for values would go unseen.
-STATED = {GUIDE: 50, SUITE: 12}
+STATED = {GUIDE: 50, SUITE: 12, OTHERS: 9}
 
 
 def stated(block):
@@ -98,6 +98,13 @@ def test_what_the_page_of_test_problems_states_is_found(tmp_path):
     assert not wrong, "\n".join(wrong)
     assert count >= STATED[SUITE]
     assert not list(tmp_path.iterdir())
+
+
+def test_what_the_page_of_other_tools_states_is_found(tmp_path):
+    pytest.importorskip("sympy")
+    _, wrong, count = run(OTHERS.read_text(), tmp_path)
+    assert not wrong, "\n".join(wrong)
+    assert count >= STATED[OTHERS]
 
 
 def test_forced_paths_have_no_index_and_closed_ones_no_conjugate_points(page):

@@ -1,0 +1,60 @@
+"""How Sphinx makes the documentation; `python docs/build.py` runs it.
+
+Nothing is fetched: formulas are MathML, and the search is a script of the site's own.
+"""
+
+import re
+
+import latex2mathml.converter
+
+import actionopt
+
+project, author, copyright = "actionopt", "The actionopt developers", "The actionopt developers"
+release = version = actionopt.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
+html_theme, html_title, html_show_sourcelink = "furo", f"actionopt {release}", False
+html_copy_source = False
+myst_enable_extensions = ["dollarmath", "colon_fence"]
+myst_heading_anchors = 3
+templates_path = ["templates"]
+default_role = "code"  # what docstrings have between single backticks
+autosummary_generate = True
+autodoc_typehints = "none"  # numpydoc shows what the docstring says
+numpydoc_show_class_members = False
+nitpicky = False
+html_math_renderer = "mathml"
+
+WORD = r"`+[^`]*`+"  # between backticks nothing is markup
+
+
+def escape(app, what, name, obj, options, lines):
+    """Keep |q| and trailing underscores of docstrings from being markup of reStructuredText."""
+    for k, line in enumerate(lines):
+        if line.lstrip().startswith((">>>", "...")):
+            continue
+        parts = re.split(f"({WORD})", line)
+        parts[::2] = [re.sub(r"([|*])|(?<=\w)(_)(?=\W|$)", r"\\\1\2", part) for part in parts[::2]]
+        lines[k] = "".join(parts)
+
+
+def visit_inline(self, node):
+    """Write a formula in a line as MathML."""
+    from docutils import nodes
+
+    self.body.append(latex2mathml.converter.convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def visit_block(self, node):
+    """Write a formula on a line of its own as MathML."""
+    from docutils import nodes
+
+    found = latex2mathml.converter.convert(node.astext(), display="block")
+    self.body.append(f'<div class="formula" style="overflow-x: auto">{found}</div>')
+    raise nodes.SkipNode
+
+
+def setup(app):
+    """Add the formulas, and docstrings as the package writes them."""
+    app.add_html_math_renderer("mathml", (visit_inline, None), (visit_block, None))
+    app.connect("autodoc-process-docstring", escape, priority=900)  # behind numpydoc
