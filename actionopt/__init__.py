@@ -1,4 +1,12 @@
-"""Hamilton's principle as a boundary-value problem: a Lagrangian and two events in, a path out."""
+"""Hamilton's principle as a boundary-value problem: a Lagrangian and two events in, a path out.
+
+The question: `System`, `Event`, `Bounce`, `Periodic`, `Problem`; how to discretize: `Mesh`.
+Answers: `solve`, `solve_all` (all paths), `trace` (families), `sweep` (grids); `load` from a file.
+A `Solution` is a curve with its action, momenta, energies, forces, index, error and verdict.
+What follows: `second_variation`, `conjugate_points`, `monodromy`, `variation`, `contact_loss`.
+Mechanics: `noether`, `find_symmetries`, `integrate_pfaffian`; forward: `integrate`, `State`.
+Rooms: `plot`, `scenes` (examples), `suite` (test problems), `gallery` (pages), `chapter`.
+"""
 
 from importlib import import_module
 from typing import Any

@@ -14,6 +14,7 @@ release = version = actionopt.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
 html_theme, html_title, html_show_sourcelink = "furo", f"actionopt {release}", False
 html_copy_source = False
+html_show_search_summary = False  # it would be fetched, which a page without a server may not
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 templates_path = ["templates"]
@@ -30,8 +31,8 @@ WORD = r"`+[^`]*`+"  # between backticks nothing is markup
 def escape(app, what, name, obj, options, lines):
     """Keep |q| and trailing underscores of docstrings from being markup of reStructuredText."""
     for k, line in enumerate(lines):
-        if line.lstrip().startswith((">>>", "...")):
-            continue
+        if line.strip() == "Examples":
+            break
         parts = re.split(f"({WORD})", line)
         parts[::2] = [re.sub(r"([|*])|(?<=\w)(_)(?=\W|$)", r"\\\1\2", part) for part in parts[::2]]
         lines[k] = "".join(parts)
@@ -57,4 +58,4 @@ def visit_block(self, node):
 def setup(app):
     """Add the formulas, and docstrings as the package writes them."""
     app.add_html_math_renderer("mathml", (visit_inline, None), (visit_block, None))
-    app.connect("autodoc-process-docstring", escape, priority=900)  # behind numpydoc
+    app.connect("autodoc-process-docstring", escape, priority=100)  # before numpydoc

@@ -1,7 +1,13 @@
 """Pictures of a solution and of the principle behind it.
 
 Every figure is a function of a solution: it takes axes or makes them, returns them, and shows
-nothing. Next to it is a function that returns the arrays it draws.
+nothing. Next to it is a function that returns the arrays it draws (`curves`, `..._data`).
+
+A path: `overview`, `paths`, `motion`, `energies`, `conserved`, `deviation`, `contact`, `mesh`.
+Several: `family`, `runs`, `fan`, `wavefronts`.
+The action around a path: `bundle`, `slices`, `landscape`, `landscapes`, `spectrum`, `phasors`.
+Moving: `film`, `animation`, `relaxation_film`; to drag: `page`, `explore`.
+Files: `save`, `save_runs`, `svg`, `svgs`; names and units on axes: `Units`, `SI`; look: `STYLE`.
 """
 
 from actionopt.plot._energies import conserved, energies
