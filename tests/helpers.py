@@ -25,6 +25,12 @@ def a_quarter(variants, first=0):
     ]
 
 
+def of_one_leg():
+    """Return the scenes whose paths pass no events between their ends and have no integrals."""
+    asked = ((name, scenes.get(name).problem) for name in scenes.SCENES)
+    return [name for name, x in asked if not x.through and x.integral is None]
+
+
 @cache
 def solved(name, *, tol=1e-8, **parameters):
     """Return the solution of a scene, near its guess if it has one."""

@@ -26,7 +26,8 @@ class Seen:
         self.H = s.energy(self.t)
         self.a = s.acceleration(self.t)
         self.lamda = s.multipliers(self.t) if s.problem.system.m else None
-        self.n = {k: float(x) for k, x in s.problem.parameters.items()}
+        self.n = {k: float(x) for k, x in s.problem.parameters.items() if np.ndim(x) == 0}
+        self.joints = np.array([e.t for e in s.problem.through])
         self.f = self.scene.facts
         self.bodies = np.array(
             [
@@ -577,6 +578,99 @@ W = {  # scene: sentences: whether they are so
         ),
         "conserved": lambda s: s.kept == {"H"} and constant(-0.5 * s.p[0] - s.p[1]),
     },
+    "billiard_circle": {
+        "answer": lambda s: constant(np.diff(s.joints)) and constant(cross(s.q, s.v)),
+        "look": lambda s: constant(cross(s.q, s.v)) and constant(np.hypot(s.vx, s.vy)),
+        "conserved": lambda s: s.kept == {"H"} and constant(cross(s.q, s.p)),
+    },
+    "billiard_ellipse": {
+        "answer": lambda s: constant(about_foci(s)[0] * about_foci(s)[1]),
+        "look": lambda s: np.all(about_foci(s)[0] * about_foci(s)[1] < -0.1),
+        "conserved": lambda s: s.kept == {"H"} and not constant(s.p[0] * s.p[1], 0.1),
+    },
+    "billiard_stadium": {
+        "answer": lambda s: constant(s.H) and np.all(np.abs(np.diff(by_leg(s, cross))) > 0.05),
+        "look": lambda s: (
+            np.ptp(np.diff(s.joints)) > 0.1 and np.all(np.abs(np.diff(by_leg(s, cross))) > 0.05)
+        ),
+        "conserved": lambda s: s.kept == {"H"} and constant(np.hypot(*s.p)),
+    },
+    "bouncing_down": {
+        "answer": lambda s: constant(np.diff(s.joints)),
+        "look": lambda s: rising(np.hypot(*np.diff(s.solution(s.joints)))),
+        "energies": lambda s: constant(s.H),
+    },
+    "descent_through_gate": {
+        "answer": lambda s: np.ptp(by_leg(s, wheel)) > 0.1,
+        "look": lambda s: (
+            np.ptp(by_leg(s, lambda q, v: v[1] / v[0])[[0, 1]]) > 0.1
+            and constant((s.vx**2 + s.vy**2) / s.y)
+        ),
+        "conserved": lambda s: s.kept == {"H"} and np.abs(s.solution.impulses[0, 0]) > 0.1,
+    },
+    "dido": {
+        "answer": lambda s: (
+            constant(np.hypot(s.x - s.f["radius"], s.y)) and same(s.vx[[0, -1]], 0.0)
+        ),
+        "look": lambda s: (
+            same(s.vx[[0, -1]], 0.0) and falling(s.a[0] * 0 + np.unwrap(np.arctan2(s.vy, s.vx)))
+        ),
+    },
+    "heron": {
+        "answer": lambda s: constant(s.vx) and constant(np.abs(s.vy)) and s.vy[0] < 0 < s.vy[-1],
+        "look": lambda s: line(s, np.where(s.t < s.joints[0], -s.y, s.y)),
+        "conserved": lambda s: s.kept == {"H", "x"},
+    },
+    "rainbow": {
+        "answer": lambda s: (
+            all(scenes.get("rainbow", b=b).facts["bow"] < s.f["bow"] for b in (0.3, 0.6, 0.85, 0.9))
+            and abs(np.degrees(s.f["bow"]) - 42) < 0.2
+        ),
+        "look": lambda s: (
+            turned_by(s)[0] < -0.1 and turned_by(s)[1] < -1 and turned_by(s)[2] < -0.1
+        ),
+        "conserved": lambda s: s.kept == {"H"} and constant(cross(s.q, s.p)),
+    },
+    "rope_of_length": {
+        "answer": lambda s: fitted(s, [1, np.cosh(s.x / 0.7), np.sinh(s.x / 0.7)], s.y),
+        "look": lambda s: rising(s.vy / s.vx) and abs((s.vy / s.vx)[np.argmin(s.y)]) < 0.05,
+    },
+    "snell": {
+        "answer": lambda s: s.solution.kind == "minimum",
+        "look": lambda s: (
+            rising(by_leg(s, lambda q, v: -v[1] / v[0]))
+            and falling(by_leg(s, lambda q, v: np.hypot(*v)))
+        ),
+        "conserved": lambda s: constant(s.p[0]) and not constant(s.p[1], 0.1),
+    },
+    "soap_bridge": {
+        "answer": lambda s: constant(np.hypot(s.x - 0.6, s.y)),
+        "look": lambda s: np.argmax(s.y) == s.t.size // 2 and rising(s.x),
+    },
+    "string_to_wall": {
+        "answer": lambda s: same(
+            np.arctan2(s.vy[-1], s.vx[-1]), scenes.parameters(s.scene.name)["lean"]
+        ),
+        "look": lambda s: (
+            all(constant(v[s.t < s.f["contact_begin"]]) for v in s.v)
+            and all(constant(v[s.t > s.f["contact_end"]]) for v in s.v)
+            and same(np.arctan2(s.vy[-1], s.vx[-1]), scenes.parameters(s.scene.name)["lean"])
+        ),
+        "contact": lambda s: same(
+            s.solution.contact_force(
+                np.linspace(s.f["contact_begin"], s.f["contact_end"], 9)[1:-1]
+            ),
+            s.f["contact_force"],
+        ),
+    },
+    "throw_at_cart": {
+        "answer": lambda s: same(
+            s.q - np.outer([s.n["u"], 0.0], s.t),
+            scenes.get("throw_at_energy", start=(0.0, 0.0), end=(3.0, 0.5), spare=2.0).exact(s.t),
+        ),
+        "look": lambda s: s.x[-1] > 3.5,
+        "conserved": lambda s: "x" in s.kept and constant(s.p[0]),
+    },
 }
 
 
@@ -586,6 +680,30 @@ def slower_back(s):
     out, back = s.x[: top + 1], (s.x[top:] > s.x[0]) & (s.x[top:] < 2.1)
     before = np.interp(s.x[top:][back], out, s.vx[: top + 1])
     return bool(np.all(np.abs(s.vx[top:][back]) < before))
+
+
+def by_leg(s, quantity):
+    """Return a quantity of q and v in the middle of each leg, (k + 1,)."""
+    ends = np.r_[0.0, s.joints, s.T]
+    middle = (ends[1:] + ends[:-1]) / 2
+    return np.array([quantity(s.solution(t), s.solution.velocity(t)) for t in middle])
+
+
+def about_foci(s):
+    """Return the angular momenta of unit mass about the foci of the table, (2, K)."""
+    c = np.sqrt(s.n["a"] ** 2 - s.n["b"] ** 2) if "a" in s.n else np.sqrt(3.0)
+    return np.array([(s.x - x) * s.vy - s.y * s.vx for x in (-c, c)])
+
+
+def wheel(q, v):
+    """Return the radius of the wheel that draws the cycloid there."""
+    return q[1] * (1 + (v[1] / v[0]) ** 2) / 2
+
+
+def turned_by(s):
+    """Return by how much the way turns at each event, (k,); below zero to the right."""
+    angle = by_leg(s, lambda q, v: np.arctan2(v[1], v[0]))
+    return (np.diff(angle) + np.pi) % (2 * np.pi) - np.pi
 
 
 def space(s):

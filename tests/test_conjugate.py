@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import a_quarter, integrated
+from helpers import a_quarter, integrated, of_one_leg
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -147,7 +147,7 @@ def test_focal_points_of_a_free_start_with_a_total_derivative(c):
 
 
 # Along an obstacle there are no conjugate points.
-SYSTEMS = {name: scenes.get(name).problem.system for name in scenes.SCENES}
+SYSTEMS = {name: scenes.get(name).problem.system for name in of_one_leg()}
 UNFORCED = [name for name, x in SYSTEMS.items() if not (x.structure.forced or x.r)]
 
 

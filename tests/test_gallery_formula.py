@@ -103,13 +103,17 @@ def test_the_formulas_are_what_is_solved(name):
     system, given = scene.problem.system, scene.problem.parameters
     q, v, t = at_random(scene)
     module = importlib.import_module(f"actionopt.scenes.{name}")
-    for function in ("lagrangian", "constraint", "force", "obstacle"):
+    for function in ("lagrangian", "constraint", "force", "obstacle", "integral"):
         if not hasattr(module, function):
             continue
         found = F.formula(inspect.getdoc(getattr(module, function)))
         value = Values(scene, q, v, t, found.definitions)
         if function == "lagrangian":
-            wanted = system.lagrangian(q, v, t, parameters=given)
+            given = {name: given[name] for name in (scene.problem.plain or system).parameters}
+            wanted = (scene.problem.plain or system).lagrangian(q, v, t, parameters=given)
+            values = value(found.sides[-1])
+        elif function == "integral":
+            wanted = [module.integral(*at) for at in zip(q.T, v.T, t, strict=True)]
             values = value(found.sides[-1])
         elif function == "obstacle":
             wanted = system.obstacle(q, t, parameters=given)
@@ -131,6 +135,8 @@ def unfulfilled(name, change=lambda text: text):
     """Return by how much the solution misses the equations written, in parts of their terms."""
     scene, solution = scenes.get(name), solved(name, tol=1e-12)
     system, t = scene.problem.system, np.linspace(0, scene.problem.duration, 41)[1:-1]
+    for event in solution.problem.through:  # where the velocity jumps
+        t = t[np.abs(t - event.t) > scene.problem.duration / 80]
     for arc in solution.contacts:  # they are those of the free motion
         t = t[(t < arc.begin - scene.problem.duration / 80) | (t > arc.end + 1e-2)]
     h, v = 1e-3 * scene.problem.duration, solution.velocity  # differences of order 8
@@ -142,8 +148,10 @@ def unfulfilled(name, change=lambda text: text):
     value.known |= {"lamda": lamda[0]} if system.m == 1 else {}
     value.known |= {f"lamda{k + 1}": row for k, row in enumerate(lamda)}
     missed, least = [], np.max(np.abs(v(t))) / scene.problem.duration  # where all terms vanish
-    for text in written.equations(system, system.table):
-        left, right = F.formula(change(text)).sides
+    value.known |= dict(zip(("kappa",), scene.problem.kappa, strict=False))
+    law = (scene.problem.laws or (system,))[0]
+    for text in written.equations(law, law.table):
+        left, right = F.formula(change(text.replace("integral_multipliers_1", "kappa"))).sides
         size = max(np.max(np.abs(value(n))) for side in (left, right) for n in terms(side))
         missed.append(np.max(np.abs(value(left) - value(right))) / max(size, least))
     return max(missed)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter, integrated, motion
+from helpers import a_quarter, integrated, motion, of_one_leg
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -243,7 +243,7 @@ def test_elements_that_cannot_be_split_any_more():
 # -- the same matrix, dense ----------------------------------------------------------------------
 
 
-UNFORCED = [name for name in scenes.SCENES if not scenes.get(name).problem.system.structure.forced]
+UNFORCED = [name for name in of_one_leg() if not scenes.get(name).problem.system.structure.forced]
 
 
 @pytest.mark.parametrize("name", a_quarter(UNFORCED))

@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from helpers import a_quarter, solved
+from helpers import a_quarter, of_one_leg, solved
 
 import actionopt as ao
 from actionopt import plot, scenes
@@ -40,8 +40,8 @@ KNOWN = 1e-8  # of S: what a page promises
 SIZE = 300e3  # bytes of a page
 
 
-# No page draws paths along an obstacle.
-LIVE = [name for name in scenes.SCENES if not scenes.get(name).problem.system.r]
+# No page draws paths along an obstacle, or through events.
+LIVE = [name for name in of_one_leg() if not scenes.get(name).problem.system.r]
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ class TableRow:
 def facts_of(subject: Subject) -> list[TableRow]:
     """Return all that the scene's facts say, compared with the solution."""
     rows: list[TableRow] = []
-    motion = _path, _action, _energy, _index, _rates, _conserved_rows, _start, _contact
+    motion = _path, _action, _energy, _index, _rates, _conserved_rows, _start, _joints, _contact
     for part in (*motion, _twin, _others):
         rows += part(subject)
     return rows
@@ -120,6 +120,16 @@ def name_of(s: Subject, name: str) -> str:
 def _start(s: Subject) -> Rows:
     if start := s.scene.facts.start:
         yield _curve("velocity at the start", np.array(start.v), s.solution.start.v)
+
+
+def _joints(s: Subject) -> Rows:
+    """Yield when the events between the ends are passed, and the multipliers of integrals."""
+    facts, solution = s.scene.facts, s.solution
+    times = [event.t for event in solution.problem.through]
+    for k, (known, t) in enumerate(zip(facts.event_times or (), times, strict=False), 1):
+        yield _numbers(say("time of event {k} between", k=k), known, t, "s")
+    for known, kappa in zip(facts.integral_multipliers or (), solution.problem.kappa, strict=True):
+        yield _numbers(say("multiplier κ"), known, float(kappa), "")
 
 
 def _contact(s: Subject) -> Rows:

@@ -15,6 +15,8 @@ from actionopt.gallery.figures import IN_CHECK, IN_MOTION, IN_PRINCIPLE, Figure,
 from actionopt.gallery.page import Page, escape, frame, number, prose, table, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts
+from actionopt.mechanics.course import SWITCHES
+from actionopt.mechanics.system import MULTIPLIERS
 from actionopt.mechanics.written import equations
 from actionopt.plot import SI
 from actionopt.plot.live.page import SCRIPTS, figure
@@ -64,6 +66,19 @@ EQUATIONS_SHOWN = 4  # equations; the others are folded away
 LIVE = (
     "Arrow keys move a handle as well, with Shift in small steps. Triangles on the duration are "
     "times conjugate to the start, at which the index changes."
+)
+AT_EVENTS = (
+    "What is not given at the events between the ends is varied as well. So the energy function is "
+    "the same before and after them, and the momentum changes only along the normal of a surface, "
+    "or in coordinates that are given."
+)
+GIVEN_INTEGRAL = (
+    "The integral of G along the path is given. With a multiplier κ, which is found with the path, "
+    "S plus κ times that integral is stationary: the Lagrangian is L + κ G in its place."
+)
+AS_FOUND = (
+    "No path can be bent here: this page does not solve for paths through events, or with a given "
+    "integral. It shows the one that was found."
 )
 VERDICT = 'print("a", solution.kind, "of the action, index", solution.morse_index)\n'
 
@@ -137,6 +152,8 @@ def _live(s: Subject) -> str:
     """Return the path to be drawn by hand; nothing along an obstacle, which that does not know."""
     if s.touches:
         return ""
+    if s.between or s.solution.problem.integral is not None:
+        return f'<p class="section-note">{say(AS_FOUND)}</p>\n'
     return f"""<section><h2>{say("The path under your hand")}</h2>
 <p class="section-note">{say(LIVE)}</p>
 {figure(s.solution.problem, s.solution, units=SI, draw=s.scene.draw)}
@@ -174,11 +191,17 @@ def _principle(s: Subject, words: Texts) -> str:
     which = (
         "forced" if s.has_forces else "held" if system.m else "touching" if s.touches else "least"
     )
+    more = ""
+    if s.between:
+        more += f"<p>{say(AT_EVENTS)}</p>"
+    if s.solution.problem.integral is not None:
+        more += f"<p>{say(GIVEN_INTEGRAL)}</p>"
     follow = say("From this follow the equations of motion.")
     if s.touches:
         follow = say("From this follow the equations of motion, where nothing is touched.")
-    rows = equations(system, system.table)
-    scalars = {*system.coordinates, *system.parameters}
+    law = s.laws[0]
+    rows = [row.replace(f"{MULTIPLIERS}_1", "kappa") for row in equations(law, law.table)]
+    scalars = {*system.coordinates, *law.parameters, "G"}
     written = [
         f'<div class="formula scroll" tabindex="0" role="region" aria-label="'
         f'{say("Equation of motion")} {k}">{mathml(formula(row), scalars)}</div>'
@@ -191,7 +214,7 @@ def _principle(s: Subject, words: Texts) -> str:
     return (
         f'<div class="columns principle"><div>{_formulas(s, words)}<p>{say(text[which])}</p>'
         f'<div class="formula">{LAWS[which]}</div>'
-        f"<p>{follow}</p></div>"
+        f"{more}<p>{follow}</p></div>"
         f'<div class="motions">{"".join(written)}</div></div>'
     )
 
@@ -233,7 +256,11 @@ def tags(s: Subject) -> tuple[str, ...]:
     found = [_count(system.n, "1 coordinate", "{count} coordinates")]
     if system.m:
         found.append(_count(system.m, "1 constraint", "{count} constraints"))
-    if system.structure.depends_on_time:
+    if s.between:
+        found.append(_count(s.between, "1 event between", "{count} events between"))
+    if s.solution.problem.integral is not None:
+        found.append(say("a given integral"))
+    if s.laws[0].structure.depends_on_time:
         found.append(say("depends on time"))
     if s.touches:
         found.append(say("touches an obstacle"))
@@ -246,7 +273,7 @@ def _count(count: int, one: str, many: str) -> str:
 
 def _formulas(s: Subject, words: Texts) -> str:
     system = s.solution.problem.system
-    scalars = {*system.coordinates, *system.parameters}
+    scalars = {*system.coordinates, *s.laws[0].parameters, "G"}
     if system.n == 1:
         scalars.add("Q")
     rows = []
@@ -264,22 +291,38 @@ def _formulas(s: Subject, words: Texts) -> str:
 
 def _parameters(s: Subject) -> str:
     name, problem = s.scene.name, s.solution.problem
-    values = problem.system.table.values(problem.parameters)
+    values = {
+        key: [x] for key, x in problem.parameters.items() if key not in (SWITCHES, MULTIPLIERS)
+    }
+    for key in s.laws[0].parameters:  # of its own in each leg
+        if key not in (*values, MULTIPLIERS):
+            values[key] = list(dict.fromkeys(float(law.parameters[key]) for law in s.laws))
     rows = [
-        (symbol(key), number(float(value), 8), units.html(units.unit(name, key)))
-        for key, value in values.items()
+        (
+            symbol(key),
+            ", ".join(number(float(x), 8) for x in row),
+            units.html(units.unit(name, key)),
+        )
+        for key, row in values.items()
     ]
     return table(say("Parameters"), ("", say("value"), say("unit")), rows)
 
 
 def _events(s: Subject) -> str:
-    names, start, end = s.solution.problem.system.coordinates, s.solution.start, s.solution.end
+    names, digits = s.scene.problem.system.coordinates, 4 if s.between else 8
+    t = [event.t for event in s.solution.problem.joints_found]
+    places = [s.solution.start.q, *s.solution(np.array(t[1:-1])).T, s.solution.end.q]
     rows = [
-        (symbol(name), number(a, 8), number(b, 8), units.html(SI.coordinate(name)))
-        for name, a, b in zip(names, start.q, end.q, strict=True)
+        (
+            symbol(name),
+            *(number(float(q[k]), digits) for q in places),
+            units.html(SI.coordinate(name)),
+        )
+        for k, name in enumerate(names)
     ]
-    at = [say("at {t} s", t=number(event.t, 8)) for event in (start, end)]
-    return table(say("The two events"), ("", *at, say("unit")), rows)
+    at = [say("at {t} s", t=number(x, digits)) for x in t]
+    title = say("The events") if s.between else say("The two events")
+    return table(title, ("", *at, say("unit")), rows)
 
 
 def _known_part(s: Subject) -> str:

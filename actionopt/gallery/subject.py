@@ -11,6 +11,7 @@ import numpy as np
 from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.page import rounded
+from actionopt.mechanics.system import System
 from actionopt.plot import SI, Energies, energies_data, motion_data, planar
 from actionopt.scenes import Scene
 from actionopt.tools.greek import letter
@@ -37,6 +38,17 @@ class Subject:
     def touches(self) -> bool:
         """Whether the path is in contact with an obstacle."""
         return bool(self.solution.contacts)
+
+    @property
+    def between(self) -> int:
+        """How many events the path passes between its ends."""
+        return len(self.solution.problem.through)
+
+    @property
+    def laws(self) -> tuple[System, ...]:
+        """The law of each leg, or the one of all of them."""
+        problem = self.solution.problem
+        return problem.laws or (problem.system,)
 
     @property
     def freedom(self) -> int:

@@ -25,8 +25,8 @@ class Texts:
     usage : str
         What the scene's function says of its parameters.
     formulas : tuple of Formula
-        Of the functions that define the system: Lagrangian, and constraint, force and obstacle if
-        it has them.
+        Of the functions that define the system: Lagrangian, and constraint, force, obstacle and
+        integral if it has them.
     source : str
         The source of these functions.
     """
@@ -50,7 +50,7 @@ def texts(name: str) -> Texts:
     usage = re.sub(r"\s*Raises\s+\w+Error.*", "", inspect.getdoc(module.scene) or "", flags=re.S)
     defined = (
         getattr(module, what, None)
-        for what in ("lagrangian", "length", "constraint", "force", "obstacle")
+        for what in ("lagrangian", "length", "constraint", "force", "obstacle", "integral")
     )
     functions = [f for f in defined if f is not None]
     formulas = tuple(formula(inspect.getdoc(f) or "") for f in functions)

@@ -30,6 +30,10 @@ SCENE_UNITS = {
     "zermelo": {"w": "rad/m"},
     "screw": {"c": "rad/m", "k": "J"},
     "two_on_a_line": {"a": "", "b": ""},
+    "descent_through_gate": {"h": "m"},
+    "rope_of_length": {"h": "m"},
+    "string_to_wall": {"far": "m", "lean": "rad"},
+    "throw_at_cart": {"u": "m/s", "far": "m", "high": "m"},
 }
 FACTS = {
     "period": "s", "contact_time": "s", "circle": "m", "drift": "m/s", "terminal_speed": "m/s",
@@ -39,6 +43,9 @@ FACTS = {
     "period_action": "J s", "fall_time": "s", "waist": "m", "area": "m^2", "whole_action": "J s",
     "high_duration": "s", "other_duration": "s", "contact_begin": "s", "contact_end": "s",
     "contact_force": "m/s^2", "direct_length": "m", "mirage_length": "m",
+    "foot": "m", "optical_length": "m", "turning": "rad", "bow": "rad", "caustic": "m",
+    "joachimsthal": "m^2", "spread": "m", "leap": "s", "cart_energy": "J", "radius": "m",
+    "rope_length": "m", "volume": "m^3",
 }  # fmt: skip
 
 

@@ -2,9 +2,9 @@
 
 A scene's file has a docstring with a sketch, `TITLE` and `SOURCE` (one line each: what it is, and
 the section, page or equation it is taken from), `WORDS` for its page, `lagrangian` or, of a
-geodesic, `length`, `constraint`, `force` and `obstacle` if it has them, `on` where the end lies on
-a surface, and `scene`. The signature of `scene` has the names and defaults of all parameters, those
-of the system among them; called with numbers, it returns a `Setup`.
+geodesic, `length`, `constraint`, `force`, `obstacle` and `integral` if it has them, `on` where
+the end lies on a surface, and `scene`. The signature of `scene` has the names and defaults of all
+parameters, those of the system among them; called with numbers, it returns a `Setup`.
 """
 
 from __future__ import annotations
@@ -56,6 +56,8 @@ class Facts(Mapping[str, Any]):
         among them is T + V, and equal to H.
     start : State, optional
         From which the motion through both events sets out.
+    event_times, integral_multipliers : rows of numbers, optional
+        When the events between the ends are passed, (k,), and kappa of given integrals, (c,).
     twin, gauge : str and callable, optional
         Name of a scene with the same path for the same parameters, and the F(q, t) with
         L = L(twin) + dF/dt, (K,).
@@ -74,6 +76,8 @@ class Facts(Mapping[str, Any]):
     morse_index: int | None = None
     conserved: Mapping[str, Along] | None = None
     start: State | None = None
+    event_times: Sequence[float] | None = None
+    integral_multipliers: Sequence[float] | None = None
     twin: str | None = None
     gauge: Callable[[Array, Any], Array] | None = None
     flat: Curve | None = None
@@ -131,8 +135,8 @@ class Known:
     exact : callable, optional
         The path in closed form: (n, K) for K times, (n,) for one time.
     guess : callable or array, optional
-        A rough path, as `solve` takes it, where the straight line between the events leads
-        elsewhere or nowhere.
+        A rough path, or rough places at all events, as `solve` takes it, where the straight line
+        between the events leads elsewhere or nowhere.
     facts : Facts, optional
         What is known exactly.
     source : str
@@ -205,7 +209,9 @@ class Setup:
     The events are at the times 0 and `duration`, with the coordinates `ends`; those of `exact` if
     they are not given. With an `energy` (J) the end is to be reached with that, and `duration` (s)
     is what is known of how long it takes. `kinetic` is the part of L that the velocities make up,
-    if it is not given, as it is where the coordinates do not move.
+    if it is not given, as it is where the coordinates do not move. `through` are the events between
+    the ends, `media` the parameters that each leg has of its own, and `integral` the values of the
+    file's integrals; then `exact` is given, and the facts have the times and the multipliers.
     """
 
     coordinates: Sequence[str]
@@ -213,33 +219,53 @@ class Setup:
     draw: Callable[[Any, float], list[Shape]]
     exact: Curve | None = None
     ends: tuple[Any, Any] | None = None
-    guess: Curve | None = None
+    guess: Curve | Array | None = None
     kinetic: Along | None = None
     facts: Facts = field(default_factory=Facts)
     energy: float | None = None
+    through: Sequence[Event] = ()
+    media: Sequence[Mapping[str, float]] = ({},)
+    integral: Sequence[float] | None = None
 
 
 def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
     """Return the scene of a file for the values of all its parameters."""
     found: Setup = file.scene(**numbers)
-    y = system(file, tuple(found.coordinates))
+    laws = [system(file, tuple(found.coordinates), tuple(own.items())) for own in found.media]
     times = (0.0, found.duration)
     ends = found.ends or [found.exact(t) for t in times]  # type: ignore[misc]
     start, end = (Event(t, q) for t, q in zip(times, ends, strict=True))
-    values = {name: numbers[name] for name in y.parameters}
+    own = found.media[0]
+    values = {name: numbers[name] for name in laws[0].parameters if name not in own}
     wanted = end if found.energy is None else end.at(None)
     if hasattr(file, "on"):  # it says where the end may lie
         wanted = Event(wanted.t, None, on=file.on)
         values |= {name: numbers[name] for name in parameters(file.on)}
-    problem = Problem(y, start, wanted, parameters=values, energy=found.energy)
-    if wanted is not end:
+    problem = Problem(
+        laws if own else laws[0],  # type: ignore[arg-type]
+        start,
+        wanted,
+        parameters=values,
+        energy=found.energy,
+        through=found.through,
+        integral=found.integral,
+    )
+    if problem.is_joined:
+        facts = found.facts
+        assert found.exact is not None
+        at = np.array([times[0], *(facts.event_times or ()), times[1]])
+        kappa = facts.integral_multipliers
+        problem = problem.found_at(
+            at, found.exact(at).T, None if kappa is None else np.array(kappa)
+        )
+    elif wanted is not end:
         problem = problem.with_times(*times, np.array([start.q, end.q]))
 
+    law = problem.plain or problem.system
+    given = {name: problem.parameters[name] for name in law.parameters}
+
     def kinetic(q: Array, v: Array, t: Any) -> Array:
-        L, back, rest = (
-            problem.system.lagrangian(q, sign * v, t, parameters=problem.parameters)
-            for sign in (1, -1, 0)
-        )
+        L, back, rest = (law.lagrangian(q, s * v, t, parameters=given) for s in (1, -1, 0))
         return (L + back) / 2 - rest
 
     return Scene(
@@ -256,14 +282,20 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
 
 
 @cache
-def system(file: ModuleType, coordinates: tuple[str, ...]) -> System:
-    """Return the system of a scene's file, derived once for each set of coordinates."""
-    roles = ("lagrangian", "constraint", "force", "obstacle")
+def system(
+    file: ModuleType, coordinates: tuple[str, ...], own: tuple[tuple[str, float], ...] = ()
+) -> System:
+    """Return the system of a scene's file, derived once for each set of coordinates.
+
+    `own` are values of parameters of one leg's law.
+    """
+    roles = ("lagrangian", "constraint", "force", "obstacle", "integral")
     laws = {role: getattr(file, role) for role in roles if hasattr(file, role)}
     measure = getattr(file, "length", None)
     everything = [*laws.values(), *([measure] if measure else [])]
     named = {name for law in everything for name in inspect.signature(law).parameters}
     values = {name: x for name, x in parameters(file.scene).items() if name in named}
+    values |= dict(own)
     name = file.__name__.rpartition(".")[2]
     if measure:
         return System.geodesic(measure, coordinates, parameters=values, name=name, **laws)
