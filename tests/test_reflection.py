@@ -56,3 +56,21 @@ def test_momentum_along_and_energy_are_kept_where_h_is_not_quadratic(bounces):
     assert p[1] - p[0] == pytest.approx(mu * normal, abs=1e-12)
     assert H[1] - H[0] == pytest.approx(-0.05 * mu, abs=1e-12)
     assert (out @ normal + 0.05 < 0) == bounces
+
+
+def test_a_path_that_is_not_reflected_as_the_law_says_is_no_motion():
+    """Each leg is a motion of its own, but the place of the reflection is not the right one."""
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    floor = ao.Bounce(lambda q, t: q[1])
+    problem = ao.Problem(free, ao.Event(0, [0, 1]), ao.Event(1, [3, 2]), through=[floor])
+    found = ao.solve(problem)
+    assert found.compare().agrees
+    elsewhere = problem.replace(through=[ao.Event(found.problem.through[0].t, [1.1, 0])])
+    path = ao.solve(elsewhere).path
+    wrong = ao.Solution(
+        found.problem, path, found.action, found.lam, found.error, found.status, found.stats
+    )
+    off = wrong.compare()
+    assert not off.agrees
+    T = 2 / 3  # of the second leg, along which x would go on at 3.3 instead of 2.85
+    assert off.position == pytest.approx((3.3 - 2.85) * T / 3, rel=1e-6)

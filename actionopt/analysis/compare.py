@@ -258,8 +258,12 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     return found
 
 
-def join(legs: Sequence[Comparison]) -> Comparison:
-    """Return the comparison of a path through events: of each leg from its own start, the worst."""
+def join(legs: Sequence[Comparison], missed: float) -> Comparison:
+    """Return the comparison of a path through events: of each leg from its own start, the worst.
+
+    And how far the next leg would be `missed`, in the unit of positions, if it left the event as a
+    motion that is reflected or refracted there does.
+    """
     numbers = {
         name: float(np.max([getattr(leg, name) for leg in legs]))
         for name in (
@@ -267,6 +271,7 @@ def join(legs: Sequence[Comparison]) -> Comparison:
             *("reference_error", "allowed", "amplified"),
         )
     }
+    numbers |= {name: max(numbers[name], missed) for name in ("position", "local")}
     paths = [leg.path for leg in legs if leg.path is not None]
     reason = next((leg.reason for leg in legs if leg.reason), "")
     return Comparison(**numbers, path=_join_paths(paths), reason=reason)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.action_function import action_function, opti
 from actionopt.analysis.compare import Comparison, compare, join
+from actionopt.analysis.flow import ZERO_SIZE
 from actionopt.analysis.index import Inertia, inertia, inertia_asked, inertia_through
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
@@ -31,10 +32,11 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.events import Event, State, Tail
+from actionopt.mechanics.events import Bounce, Event, State, Tail
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem
+from actionopt.mechanics.reflection import leave
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
@@ -496,6 +498,31 @@ class Solution:
         """Return the comparison with the forward integration from `start`, made once."""
         return self._comparison
 
+    def _law_deviation(self, parts: Sequence[Solution]) -> float:
+        """Return how far the legs are from those that leave events as the law says (`leave`).
+
+        At the end of each, to first order, in the coordinates' sizes. Of events on one surface,
+        anywhere on it and at any time: others may be kicks.
+        """
+        asked, found = self.problem.asked or self.problem, 0.0
+        size = np.abs(self.path.values).max(axis=1)
+        size = np.where(size > ZERO_SIZE * size.max(), size, size.max() or 1.0)
+        legs: Any = zip(asked.through, parts[:-1], parts[1:], strict=True)
+        for event, one, other in legs:
+            if event.on is None or event.on.count > 1 or event.pinned or event.t is not None:
+                continue
+            at, laws = one.end, [(p.problem.system, p.problem.packed) for p in (one, other)]
+            if one.problem.system is other.problem.system:
+                laws[1] = laws[0]
+            _, by_q, by_t, _ = event.on.at(at.q, at.t, self.problem.packed)
+            state = at.q[None], at.v[None], np.array([[at.t]])
+            # At a surface that is no wall both satisfy the equations.
+            ways = (True,) if isinstance(event, Bounce) else (True, False)
+            out = [leave((laws[0], laws[1]), state, (by_q, by_t), bounces=way)[0] for way in ways]
+            off = [np.abs((v - other.start.v) / size).max() * other.duration for v in out]
+            found = max(found, float(np.nan_to_num(np.nanmin([np.inf, *off]), nan=np.inf)))
+        return found
+
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
         return sensitivity(self.discrete, self.error, self.momenta, self.jumps)
@@ -565,7 +592,8 @@ class Solution:
     @cached_property
     def _comparison(self) -> Comparison:
         if self.problem.through:
-            return join([part.compare() for part in self.parts])
+            parts = self.parts
+            return join([part.compare() for part in parts], self._law_deviation(parts))
         if self.problem.system.r and self.contacts:
             raise ValueError(
                 "expected a path that touches no obstacle, found contact from t = "
