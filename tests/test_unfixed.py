@@ -616,3 +616,31 @@ def test_a_neighbour_that_passes_the_new_end_nowhere_is_a_guess_as_well():
     for end in ([3.0, 0.0], [0.1, 0.0], [0.5, 2.0], [-1.0, 0.0], [-0.3, 0.4]):
         near = ao.solve(problem.replace(end=free(None, end)), guess=s)
         assert abs(near.duration - np.linalg.norm(end)) < 1e-9
+
+
+def sphere(start, energy=0.5):
+    """Return from where to the opposite point of a unit sphere."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: q @ q - 1
+    )
+    return ao.Problem(system, free(0.0, start), free(None, -np.array(start)), energy=energy)
+
+
+def is_half_of_any_great_circle(path):
+    assert path.status is ao.Status.DEGENERATE
+    assert path.stats["nullity"] == 1
+    assert path.duration == pytest.approx(np.pi, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "start",
+    [
+        [1.0, 0.0, 0.0],
+        # The way that is found there is almost normal to the first axis.
+        [0.0030339274, 0.7367971117, -0.6761071076],
+    ],
+)
+def test_one_of_the_ways_to_the_opposite_point_is_found(start):
+    start = np.array(start) / np.linalg.norm(start)
+    is_half_of_any_great_circle(ao.solve(sphere(start), throw=False))

@@ -129,7 +129,7 @@ class Bordered:
             borders.append(Duration(asked, tr.mesh.duration))
         if asked.integral is not None:
             borders.append(Integral.of(at))
-        if asked.closes:
+        if asked.closes or along:
             borders.append(PhaseCondition.near(asked, at, moves, along))
         found = cls(asked, tr, tuple(borders))
         speeds = np.abs(path.velocity(path.mesh.nodes)).max(axis=1)

@@ -572,7 +572,7 @@ class PhaseCondition:
     def near(
         cls, asked: Problem, at: DiscretePath, moves: Sequence[Move], along: Sequence[Array]
     ) -> PhaseCondition:
-        """Return the directions in which a closed path may be moved, and conditions for where.
+        """Return the directions in which a path may be moved, and conditions for where.
 
         `along`, (n, K) each, are these where there are more than along itself and by the `moves`.
         """
@@ -594,14 +594,15 @@ class PhaseCondition:
         directions = left / root[:, None]  # in the coordinates
         B[: layout.unknowns] = left * root[:, None]
         # Coordinates that the start gives are conditions as far as they can be met by moving.
-        pinned = [int(layout.number[0, i]) for i in asked.start.pinned]
+        known = asked.start.pinned if asked.closes else ()
+        pinned = [int(layout.number[0, i]) for i in known]
         size = np.zeros(n)
         np.maximum.at(size, layout.free % n, np.linalg.norm(directions, axis=1))
-        size = size[list(asked.start.pinned), None]
+        size = size[list(known), None]
         swift = SLOW if along else SWIFT  # what is one of a family can be made to begin there
         given = _independent(directions[pinned] / np.where(size > 0, size, 1.0), swift) if k else []
         for row, j in enumerate(given):
-            i = asked.start.pinned[j]
+            i = known[j]
             C[row, pinned[j]] = 1.0
             c[row] = asked.start.q[i] / tr.lengths[i]  # type: ignore[operator]
         rest = np.eye(k)
@@ -610,7 +611,7 @@ class PhaseCondition:
             rest = right[len(given) :].T
         C[len(given) :] = (B @ rest).T if given else B.T
         c[len(given) :] = C[len(given) :] @ z
-        return cls(B, C, c, tuple(asked.start.pinned[j] for j in given))
+        return cls(B, C, c, tuple(known[j] for j in given))
 
 
 def shares(tr: Transcription) -> Array:

@@ -101,15 +101,17 @@ def on_the_way(
     guess: Guess | None = None,
     *,
     brief: bool = False,
+    verdict: bool = False,
 ) -> Solution:
     """Return a path, or an attempt, in the time that is left for a search that needs it on its way.
 
-    Whether it is one of a family is not asked. With `brief` no long ways are tried. Raises
-    OutOfTime if no time is left.
+    Whether it is one of a family is asked for a `verdict` only. With `brief` no long ways are
+    tried. Raises OutOfTime if no time is left.
     """
     watch = None if outer is None else Watch(None, None, outer)
     strategies = STRATEGIES[:CURVED_STRATEGIES] if brief else STRATEGIES
-    found, _ = between(problem, guess, Choices(tol, "auto", strategies, None, watch), verdict=False)
+    choices = Choices(tol, "auto", strategies, None, watch)
+    found, _ = between(problem, guess, choices, verdict=verdict)
     if found.status is Status.OUT_OF_TIME:
         raise OutOfTime
     return found

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.shooting import hermite, motions
 from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
 from actionopt.discrete.borders import over
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
@@ -68,6 +69,8 @@ class FirstPaths:
         That the energy is below the potential on the straight line, if it is.
     lost : list of float
         Durations over which no path was found by quick ways.
+    of_family : Path or None
+        One of a family of paths over one of them.
     """
 
     problem: Problem
@@ -78,6 +81,7 @@ class FirstPaths:
     refused: ValueError | None = None
     blocked: str = ""
     lost: list[float] = field(default_factory=list)
+    of_family: Path | None = None
 
     def firsts(self, guess: Guess | None) -> Iterator[tuple[Path, Array | None, str]]:
         """Yield paths, with multipliers (K, m) or none, from which to set out, and whence."""
@@ -291,10 +295,12 @@ class FirstPaths:
             sizes = coordinate_scales(fixed, at.Q)[0]
             return at if resolution(mesh, at.Q, sizes).worst < ROUGHLY else None
         try:
-            found = on_the_way(fixed, FIRST_TOL, self.watch, brief=brief)
+            found = on_the_way(fixed, FIRST_TOL, self.watch, brief=brief, verdict=not brief)
         except ValueError as error:
             self.refused = self.refused or error
             return None
+        if found.status is Status.DEGENERATE:
+            self.of_family = found.path
         return found.discrete if found.success else None
 
 

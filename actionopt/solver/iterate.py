@@ -12,6 +12,7 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -22,8 +23,9 @@ from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import Followed
 from actionopt.discrete.resolution import Resolution, resolution
+from actionopt.discrete.second_quadrature import MASSLESS
 from actionopt.mechanics.laws import Structure
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem, diagonal
 from actionopt.tools.types import Array
 
 # Ad hoc, in parts of the time: elements that only singularities need, and that they need first.
@@ -208,12 +210,28 @@ class Iterate(DiscretePath):
         assert self.probed is not None
         if not self.probe.size:
             return 0.0
-        return float(np.abs(self.probed[: self.probe.size]).max() / np.abs(self.probe).max())
+        unit = self._kinetic_unit
+        return float(
+            np.abs(self.probed[: unit.size] / unit).max() / np.abs(self.probe / unit).max()
+        )
 
     @property
     def probe(self) -> Array:
-        """The variation (unknowns,) that inverse iteration begins with."""
-        return self.tr.layout.probe[: self.tr.layout.unknowns]
+        """The variation (unknowns,) that inverse iteration begins with.
+
+        As large in each coordinate, measured by the momentum: what hardly moves along the path has
+        short units, and would have no part in it beside what is solved for.
+        """
+        return self.tr.layout.probe[: self.tr.layout.unknowns] * self._kinetic_unit
+
+    @cached_property
+    def _kinetic_unit(self) -> Array:
+        """What each unknown is of the same inertia, (unknowns,), one for the least of them."""
+        tr = self.tr
+        inertia = diagonal(tr.problem.system, 2, tr.inertia[None])[0] * tr.lengths**2
+        known = inertia > MASSLESS * inertia.max()
+        unit = np.sqrt(inertia.max() / np.where(known, inertia, inertia.max()))
+        return unit[tr.layout.free % unit.size]
 
     def with_larger_noise(self) -> Self:
         """Return the same with the larger noise of two samples: one may be small by chance.

@@ -270,20 +270,18 @@ class Unfixed(Workspace[UnfixedPath]):
         return self.follow()
 
     def in_family(self, guess: Guess, *, thorough: bool) -> Status | None:
-        """Go to a closed path near the guess if such paths are a family, and refine it there.
+        """Go to a path near the guess if such paths are a family, and refine it there.
 
         By Newton's steps of least norm, as its matrix has no inverse at any of them. Then the
         directions in which it may be moved are known: bordered by them, the matrix has one.
         With `thorough` also on larger meshes.
         """
-        if not self.problem.closes:
-            return None
         before = self.iterate, self.hint
         near = guess
         for represented in (ROUGH, REPRESENTED[0]):
             self.along, self.gain = (), UNKNOWN_GAIN
             path = guess_path(self.problem, near, represented)
-            if self.problem.start.pinned:
+            if self.problem.closes and self.problem.start.pinned:
                 begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
                 if not begins:
                     break
@@ -477,8 +475,9 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
             known = bool(np.isfinite(run.here.error)) or run.unbalance is not None
             if status.stationary or status is Status.JUMP:
                 break
-        if guess is not None and not (status.success or status is Status.JUMP):
-            status = run.in_family(guess, thorough=thorough) or status
+        near = first.of_family if guess is None else guess
+        if near is not None and not (status.success or status is Status.JUMP):
+            status = run.in_family(near, thorough=thorough) or status
     except SIGNALS as signal:
         status = status_of(signal)
         run.stop()
