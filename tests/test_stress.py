@@ -10,6 +10,7 @@ from benchmarks.stress import report
 from benchmarks.stress.case import timed
 from benchmarks.stress.families import (
     FAMILIES,
+    borders,
     clocks,
     energies,
     forwards,
@@ -53,6 +54,20 @@ def test_a_pulse_that_is_missed_is_counted():
     assert (counted["count"], counted["solved"], counted["wrong"]) == (4, 4, 2)
     assert not never_wrong("any", [counted]).met
     assert never_wrong("any", [row(found[:1])]).met
+
+
+@pytest.mark.parametrize("k", [0, 3])
+def test_a_fence_that_is_off_is_counted(k):
+    made, rough = borders.fence(k)
+    solution = ao.solve(made.problem(), guess=rough, tol=1e-9)
+    assert borders.off_fence(made, solution) < 1e-9
+    assert borders.off_fence(made, moved(solution, 1e-6)) > 1e-7
+    t, h = np.array([0.3]), 1e-5
+    q, v = borders.arc((0.2, 0.1), 0.7, 1.3, 0.9, t)
+    ahead, behind = (borders.arc((0.2, 0.1), 0.7, 1.3, 0.9, t + x) for x in (h, -h))
+    a = (ahead[1] - behind[1]) / (2 * h)
+    assert (ahead[0] - behind[0]) / (2 * h) == pytest.approx(v, abs=1e-9)
+    assert a == pytest.approx(0.9 * np.array([v[1], -v[0]]), abs=1e-9)  # of L + kappa g
 
 
 def test_an_answer_with_no_motion_near_it_is_wrong():
