@@ -162,3 +162,25 @@ def test_index_theorem_on_every_scene(name):
     if known is not None and len(known):
         before = [t for t in known if t <= end]
         assert found == pytest.approx(before, abs=TIME_TOLERANCE * scene.problem.duration)
+
+
+def test_no_conjugate_point_of_many_coordinates_is_told_by_the_index(monkeypatch):
+    """A row of springs of which the fastest swings at almost two: its first one is after pi / 2."""
+
+    def springs(q, v, t):
+        stretched = np.concatenate([q[:1], q[1:] - q[:-1], q[-1:]])
+        return v @ v / 2 - stretched @ stretched / 2
+
+    system = ao.System(springs, [f"u{k}" for k in range(24)])
+    frequencies = 2 * np.sin(np.pi * np.arange(24, 0, -1) / 50)
+    fastest = frequencies[0]
+    times = []
+    for part in (0.98, 1.02):
+        T = part * np.pi / fastest
+        found = ao.solve(ao.Problem(system, ao.Event(0.0, np.zeros(24)), ao.Event(T, np.ones(24))))
+        times.append([c.t for c in ao.conjugate_points(found)])
+    assert times[0] == []
+    exact = np.pi / frequencies
+    assert times[1] == pytest.approx(exact[exact < T], abs=1e-8)
+    monkeypatch.setattr("actionopt.analysis.conjugate.regular_index", lambda *given: None)
+    assert ao.conjugate_points(found)[0].t == times[1][0]

@@ -14,7 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from actionopt.analysis.index import NEAR_ZERO, tolerance_of
 from actionopt.analysis.jacobi import fields, resolve
+from actionopt.analysis.regular import regular_index
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
@@ -62,7 +64,11 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "with its end, and no times conjugate to it number the index (`morse_index` counts "
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
-    form = resolve(solution.discrete, solution.error, CONJUGATE_RESOLUTION, polish=True)
+    at, error = solution.discrete, solution.error
+    pinned = len(at.problem.end.pinned) == at.problem.system.n
+    if pinned and regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) == 0:
+        return ()  # as many as the index, and none at the end, where an eigenvalue would vanish
+    form = resolve(at, error, CONJUGATE_RESOLUTION, polish=True)
     if any(term.phase for term in form.tr.nodal):  # no part of how neighbours move
         form = form_of(form.at, phase=False)
     if not form.freedom:

@@ -89,6 +89,7 @@ def _is_plain(at: DiscretePath) -> bool:
     return (
         simple
         and max(ends) == n
+        and system.m < n
         and layout.unknowns > 0
         and not (layout.closed or at.tr.nodal or system.structure.forced)
         and couples_at_rest(system) is None
