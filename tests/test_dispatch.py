@@ -2,11 +2,13 @@
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from threading import Timer
+from time import perf_counter, sleep
 from types import SimpleNamespace
 
 import pytest
 
 from actionopt.families.dispatch import dispatch
+from actionopt.tools.watch import TimeUp, check_time, time_limit
 
 
 class Pool:
@@ -78,3 +80,15 @@ def test_an_error_of_a_task_ends_the_others():
     with pytest.raises(ZeroDivisionError):
         dispatch(lambda k: 1 // (10 - k), TASKS, pool, lambda *_: None)
     assert all(future.cancelled() for future in pool.futures[3:]) and not pool.said
+
+
+def test_tasks_end_with_the_time_that_is_given():
+    def endless():
+        for _ in range(2000):  # ten seconds
+            sleep(0.005)
+            check_time()
+
+    began = perf_counter()
+    with ThreadPoolExecutor(1) as pool, pytest.raises(TimeUp), time_limit(0.05):
+        dispatch(endless, [(0, ())], pool, lambda *_: None)
+    assert perf_counter() - began < 5

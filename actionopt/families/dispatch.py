@@ -14,7 +14,7 @@ import numpy as np
 
 from actionopt.families.task import Answers
 from actionopt.tools.journal import Journal
-from actionopt.tools.watch import Progress, TimeUp, check_time, time_left
+from actionopt.tools.watch import Progress, TimeUp, check_time, time_left, time_limit
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -101,7 +101,7 @@ def dispatch(
     try:
         for task, given in tasks:
             check_time()
-            flying[task] = executor.submit(work, *given)
+            flying[task] = executor.submit(_within, time_left(), work, *given)
             flying[task].add_done_callback(lambda _, task=task: arrived.put(task))
             while len(flying) >= IN_FLIGHT or not arrived.empty():
                 enter()
@@ -112,6 +112,14 @@ def dispatch(
         if isinstance(error, KeyboardInterrupt) and not isinstance(error, TimeUp):
             _wait(begun, executor, done)
         raise
+
+
+def _within(seconds: float | None, work: Callable[..., Any], *given: Any) -> Any:
+    """Do a task, which leaves the executor when the time is used up: nobody waits for it then."""
+    if seconds == 0:
+        raise TimeUp
+    with time_limit(seconds):
+        return work(*given)
 
 
 def _wait(begun: dict[int, Future], executor: Executor, done: Callable[[int, Any], None]) -> None:
