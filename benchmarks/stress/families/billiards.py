@@ -12,7 +12,7 @@ is the flight with the first velocity of the answer, changed by Newton's method 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -223,6 +223,8 @@ def _made(kind: str, random: np.random.Generator) -> tuple[World, ao.Problem, in
     else:
         laws = world.system()
         through = [ao.Bounce(_on(world.walls[state[3]])) for state in motion[1:]]
+        met = sorted({state[3] for state in motion[1:]})  # no question names the others
+        world = replace(world, walls=tuple(world.walls[i] for i in met))
     problem = ao.Problem(laws, ao.Event(0.0, q), ao.Event(T, end), through=through)
     return world, problem, bounces
 
