@@ -22,6 +22,7 @@ from actionopt.plot import SI
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.tools.formula import formula
 from actionopt.tools.mathml import mathml, symbol
+from actionopt.tools.types import EPS
 from actionopt.tools.words import say
 
 PROGRAM = """\
@@ -311,7 +312,8 @@ def _parameters(s: Subject) -> str:
 def _events(s: Subject) -> str:
     names, digits = s.scene.problem.system.coordinates, 4 if s.between else 8
     t = [event.t for event in s.solution.problem.joints_found]
-    places = [s.solution.start.q, *s.solution(np.array(t[1:-1])).T, s.solution.end.q]
+    places = np.array([s.solution.start.q, *s.solution(np.array(t[1:-1])).T, s.solution.end.q])
+    places[np.abs(places) <= EPS * np.max(np.abs(places))] = 0.0  # on surfaces, up to rounding
     rows = [
         (
             symbol(name),
