@@ -27,7 +27,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from actionopt.discrete.boundaries import find_boundaries, sides
+from actionopt.discrete.boundaries import boundaries_at, find_boundaries, sides
 from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.nodal import Term, level, terms
@@ -49,6 +49,7 @@ class Evaluations:
     Q: Array
     at: Array
     v: Array
+    first: list[Array] | None = None
     values: tuple[float, Array, Array] | None = None
     second: list[Array] | None = None
     rows: tuple[Array, Array] | None = None  # the constraints' normals and values
@@ -152,6 +153,20 @@ class Action:
         through = self.problem.through
         inner = find_boundaries(self.mesh, np.array([e.t for e in through])) if through else []
         return self.mesh.offsets[[0, *inner, -1]]
+
+    @cached_property
+    def joint_rates(self) -> Array:
+        """The rates (k + 2, N + 1) at which boundaries move with the time of each event.
+
+        Legs are stretched between their events. Where laws take turns they do so at the events;
+        other switches of the clock stay where they are.
+        """
+        since = self.mesh.since
+        known = joints = np.searchsorted(self.mesh.offsets, self.joints)
+        if self.problem.instants:
+            known = np.union1d(joints, boundaries_at(self.mesh, self.problem.instants))
+        rates = (joints[:, None] == known).astype(float)
+        return np.array([np.interp(since, since[known], rate) for rate in rates])
 
     @property
     def units(self) -> ActionUnits:
@@ -346,7 +361,7 @@ class Action:
         """
         point = self.place(x)
         if point.values is None:
-            point.values = self._action_and_gradient(point.at, point.v)
+            point.values = self._action_and_gradient(point.at, point.v, point.first)
         return point.values
 
     def action_and_gradient(self, Q: Array) -> tuple[float, Array]:
@@ -367,11 +382,24 @@ class Action:
         L = problem.system.lagrangian(at.T, v.T, self.times[:, 0], parameters=values)
         return float(self.weight[:, 0] @ L) + (self._beyond(Q) if self.nodal else 0.0)
 
-    def _action_and_gradient(self, at: Array, v: Array) -> tuple[float, Array, Array]:
+    def first(self, x: Array) -> list[Array]:
+        """Return L_q, L_v and L at the evaluations, kept for the gradient at the same x."""
+        point = self.place(x)
+        if point.first is None:
+            state = point.at, point.v, self.times, self.problem.packed
+            point.first = [y.copy() for y in self.problem.system.pointwise("first")(*state)]
+            self.counts["first"] += 1
+        return point.first
+
+    def _action_and_gradient(
+        self, at: Array, v: Array, known: list[Array] | None = None
+    ) -> tuple[float, Array, Array]:
         """Return S, gradient (K n) and its parts (evaluations, n) for q and v (evaluations, n)."""
         system, layout, p = self.problem.system, self.layout, self.problem.packed
-        Lq, Lv, L = system.pointwise("first")(at, v, self.times, p)
-        self.counts["first"] += 1
+        if known is None:
+            known = system.pointwise("first")(at, v, self.times, p)
+            self.counts["first"] += 1
+        Lq, Lv, L = known
         contribution = self.weight * Lq
         if system.structure.forced:
             contribution += self.weight * system.pointwise("force")(at, v, self.times, p)[0]

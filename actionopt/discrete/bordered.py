@@ -24,7 +24,6 @@ import numpy as np
 from actionopt.discrete.borders import (
     Bend,
     Border,
-    Duration,
     Gradient,
     Integral,
     Move,
@@ -34,18 +33,16 @@ from actionopt.discrete.borders import (
     over,
     times_of,
 )
-from actionopt.discrete.boundaries import carry_boundaries, stretch_legs
+from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_times
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.integrals import integrals
 from actionopt.discrete.layout import BorderedLayout
 from actionopt.discrete.path import Path
+from actionopt.discrete.stretch import by_joints
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
-
-STRETCH = 1e-6  # of log T, for dr/dT: near EPS^(1/3), as central differences ask
 
 
 @dataclass(eq=False)
@@ -59,7 +56,7 @@ class Bordered:
     first : Transcription
         Of the asked one's `loose` problem, over a first duration: it sets the units.
     borders : tuple of Border
-        What stands beside the path, a `Duration` behind all whose terms contain times.
+        What stands beside the path.
     """
 
     asked: Problem
@@ -72,10 +69,13 @@ class Bordered:
         ends = np.cumsum([self.first.layout.size, *(b.size for b in self.borders)]).tolist()
         self.layout = self.first.layout.with_border(ends[-1] - ends[0])
         self.parts = [slice(a, b) for a, b in pairwise(ends)]
-        self.unit = self.first.mesh.duration
+        found = self.times_border  # whose events' times are unknown
+        self.moving = np.zeros(0, dtype=int) if found is None else found[0].moving
         # How far a path moves, in its sizes, as its duration grows by a part of itself.
         self.reach = 1.0
         self._last: Transcription | None = self.first
+        self._times_of: tuple[bytes, Gradient] | None = None  # of the last residual
+        self._beside = b""  # the unknowns beside the path, and before the forces, of the last
         self._like: Transcription | None = self.first
 
     @classmethod
@@ -121,12 +121,10 @@ class Bordered:
         """Return the same round a path over some duration, or over `times` of events."""
         tr, path = at.tr, at.path
         borders: list[Border] = [*Rows.of(at)] if asked.on_surface or asked.through else []
-        if times is not None:
-            given = times_of(asked)
-            if not np.isfinite(given).all():
-                borders.append(Times(given, np.diff(times), asked.energy or 0.0))
-        elif asked.free_time:
-            borders.append(Duration(asked, tr.mesh.duration))
+        given = times_of(asked)
+        if not np.isfinite(given).all():
+            legs = np.diff(times_of(tr.problem) if times is None else times)
+            borders.append(Times(given, legs, asked.energy or 0.0))
         if asked.integral is not None:
             borders.append(Integral.of(at))
         if asked.closes or along:
@@ -142,8 +140,6 @@ class Bordered:
         for border in self.borders:
             if isinstance(border, PhaseCondition):
                 border = border.of(asked, self.first.lengths)
-            elif isinstance(border, Duration):
-                border = replace(border, problem=asked)
             elif isinstance(border, Times):
                 border = replace(border, given=times_of(asked), energy=asked.energy or 0.0)
             elif isinstance(border, Integral):
@@ -172,8 +168,8 @@ class Bordered:
     @property
     def late(self) -> int | None:
         """The number of log T among the unknowns, None where the duration is given."""
-        pairs = zip(self.borders, self.parts, strict=True)
-        return next((part.start for b, part in pairs if isinstance(b, Duration)), None)
+        found = self.times_border
+        return found[1].start if found is not None and found[0].first.size == 1 else None
 
     @property
     def resting(self) -> int:
@@ -196,12 +192,6 @@ class Bordered:
         """Coordinates at the start that say where a closed path begins."""
         return next((b.given for b in self.borders if isinstance(b, PhaseCondition)), ())
 
-    def duration(self, y: Array) -> float:
-        """Return the duration of unknowns y (size,)."""
-        pairs = zip(self.borders, self.parts, strict=True)
-        found = (b.duration(y[part]) for b, part in pairs if isinstance(b, Duration))
-        return next(found, self.unit)
-
     @property
     def times_border(self) -> tuple[Times, slice] | None:
         """The border of the events' times, and where its unknowns are; None if there is none."""
@@ -210,42 +200,40 @@ class Bordered:
 
     def at(self, y: Array) -> Transcription:
         """Return the discrete action over the times, and of the multipliers, that belong to y."""
-        kappa = None
-        for border, part in zip(self.borders, self.parts, strict=True):
-            if isinstance(border, Integral):
-                kappa = border.kappa(y[part])
-        if not self.asked.is_joined:
-            return self._over(self.duration(y))
-        if self.times_border is None:
-            return self._of_course(times_of(self.asked), kappa)
-        border, part = self.times_border
-        return self._of_course(border.times(y[part]), kappa)
-
-    def _of_course(self, times: Array, kappa: Array | None) -> Transcription:
-        last, first = self._last, self.first
-        if (
-            last is None
-            or (times != times_of(last.problem)).any()
-            or (kappa is not None and (kappa != last.problem.kappa).any())
-        ):
-            problem = self.asked.found_at(times, kappa=kappa)
-            mesh = stretch_legs(first.mesh, times_of(first.problem), times)
-            self._last = last = Transcription(problem, mesh, first.lengths, like=first)
-            last.counts, last.watch = first.counts, first.watch
-        return last
-
-    def _over(self, duration: float) -> Transcription:
-        if self._last is None or duration != self._last.mesh.duration:
-            problem, like = over(self.free, duration), self._like
-            if like is not None and not self._depends_on_clock:
-                self._last = like.over_times(problem)
-                return self._last
-            like, ends = self.first, (problem.start.t, problem.end.t)
-            mesh = carry_boundaries(like.mesh, like.problem.instants, problem.instants, *ends)
-            self._last = Transcription(problem, mesh, like.lengths, like=like)
-            self._last.counts, self._last.watch = like.counts, like.watch
-            self._like = self._like or self._last
+        beside = y[self.first.layout.size : self.forces.start].tobytes()
+        if beside != self._beside:
+            kappa = None
+            for border, part in zip(self.borders, self.parts, strict=True):
+                if isinstance(border, Integral):
+                    kappa = border.kappa(y[part])
+            times, found = times_of(self.asked), self.times_border
+            if found is not None:
+                times = found[0].times(y[found[1]])
+            self._beside = beside
+            self._last = self._over(times, kappa)
+        assert self._last is not None
         return self._last
+
+    def _over(self, times: Array, kappa: Array | None) -> Transcription:
+        last, first, problem = self._last, self.first, self.free
+        if (
+            last is not None
+            and (times == times_of(last.problem)).all()
+            and (kappa is None or (kappa == last.problem.kappa).all())
+        ):
+            return last
+        if self.asked.is_joined:
+            problem = self.asked.found_at(times, kappa=kappa)
+        elif self.asked.free_time:
+            problem = self.free.with_times(*times.tolist())
+        if self._like is not None and not (self.asked.is_joined or self._depends_on_clock):
+            return self._like.over_times(problem)
+        before, ends = first.problem.boundaries, (float(times[0]), float(times[-1]))
+        mesh = carry_boundaries(first.mesh, before, problem.boundaries, *ends)
+        last = Transcription(problem, mesh, first.lengths, like=first)
+        last.counts, last.watch = first.counts, first.watch
+        self._like = self._like or last
+        return last
 
     @property
     def _depends_on_clock(self) -> bool:
@@ -279,14 +267,14 @@ class Bordered:
         gradient = self._gradient(at)
         pairs = zip(self.borders, self.parts, strict=True)
         own = [border.residual(at, y[part], gradient) for border, part in pairs]
+        self._times_of = y.tobytes(), gradient
         return np.concatenate([gradient.path, *own])
 
     def _gradient(self, at: DiscretePath) -> Gradient:
         """Return the derivatives of the action, by the times only if they are unknown."""
-        if self.times_border is not None or self.late is not None:
-            times = by_times(at) / at.tr.action_unit
-        else:
-            times = np.zeros(len(at.tr.joints))
+        times = np.zeros(len(at.problem.through) + 2)
+        if self.moving.size:
+            times[self.moving] = by_joints(at, self.moving).slopes() / at.tr.action_unit
         return Gradient(at.tr.residual(at.z).copy(), times)
 
     def kkt(self, y: Array) -> Array:
@@ -312,20 +300,20 @@ class Bordered:
 
     def _derivatives(self, y: Array) -> tuple[Array, Array, Array, Array]:
         """Return the nonzeros of K, the columns B and rows C beside it, and the corner D."""
-        at, size, late = self.discrete(y), self.first.layout.size, self.late
-        clocked, timed = self._depends_on_clock, self.times_border
-        if timed is not None or (late is not None and not clocked):  # they are asked for twice
+        at, size, timed = self.discrete(y), self.first.layout.size, self.times_border
+        if timed is not None:  # they are asked for twice
             at.tr.place(at.x).second = [x.copy() for x in at.tr.second(at.x)]
         K, added = at.tr.kkt(at.z), self.layout.border
         B, C, D = np.zeros((size, added)), np.zeros((added, size)), np.zeros((added, added))
-        events = len(at.tr.joints)
+        events = len(at.problem.through) + 2
         bend = Bend(K)
         if timed is not None:
+            stretch, moving = by_joints(at, self.moving), self.moving
             bend.path, bend.times = np.zeros((size, events)), np.zeros((events, events))
+            bend.path[:, moving] = stretch.residuals()
+            bend.times[np.ix_(moving, moving)] = stretch.twice() / at.tr.action_unit
         of_times = np.zeros((added, events))
         for border, part in zip(self.borders, self.parts, strict=True):
-            if clocked and isinstance(border, Duration):
-                continue
             own = slice(part.start - size, part.stop - size)
             edges = border.derivative(at, y[part], bend)
             B[:, own], C[own], D[own, own] = edges[:3]
@@ -333,13 +321,6 @@ class Bordered:
                 of_times[own] = edges.times
         if timed is not None:
             self._by_times(at, y, bend, of_times, (B, C, D))
-        if late is not None and clocked:
-            by_time, k = self._by_duration(at, y), late - size
-            B[:, k] = C[k] = by_time[:size]
-            symmetric = slice(
-                self.forces.start - size
-            )  # the conditions of a phase are no terms of W
-            D[k, symmetric] = D[symmetric, k] = by_time[size : self.forces.start]
         return K, B, C, D
 
     def _by_times(
@@ -348,24 +329,17 @@ class Bordered:
         """Make of derivatives by times those by the unknowns of `Times`."""
         assert self.times_border is not None and bend.path is not None
         (border, part), size, (B, C, D) = self.times_border, len(bend.path), edges
-        own, gradient = slice(part.start - size, part.stop - size), self._gradient(at)
-        for other, where in zip(self.borders, self.parts, strict=True):
-            other.residual(at, y[where], gradient)
+        own = slice(part.start - size, part.stop - size)
+        if self._times_of is None or self._times_of[0] != y.tobytes():
+            self._equations(at, y)
+        assert self._times_of is not None
+        gradient = self._times_of[1]
         dt = border.jacobian(y[part])
         B[:, own] = bend.path @ dt
         C[own] = B[:, own].T
         D[:, own] = of_times @ dt
         D[own] = D[:, own].T
         D[own, own] = dt.T @ bend.times @ dt + border.twice(y[part], border.slopes(at, gradient))
-
-    def _by_duration(self, at: DiscretePath, y: Array) -> Array:
-        """Return the derivative of `residual` by log T, (size,), by differences."""
-        T, h, sides = at.mesh.duration, STRETCH, []
-        for sign in (1, -1):
-            tr = self._over(T * float(np.exp(sign * h)))
-            sides.append(self._equations(DiscretePath(tr, at.z), y))
-        self._last = at.tr
-        return (sides[0] - sides[1]) / (2 * h)
 
     def bend(self, y: Array) -> float:
         """Return d2S/d(log T)2 along the paths over fixed durations, in units of action.
@@ -390,11 +364,9 @@ class Bordered:
     def relative_step(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step, as a function of time."""
         found = self.first.relative_step(step)
-        if self.times_border is not None:
-            return max(found, self.reach * float(np.abs(step[self.times_border[1]]).max()))
-        if self.late is None:
+        if self.times_border is None:
             return found
-        return max(found, self.reach * abs(float(step[self.late])))
+        return max(found, self.reach * float(np.abs(step[self.times_border[1]]).max()))
 
     @property
     def magnitudes(self) -> Array:

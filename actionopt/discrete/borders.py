@@ -7,18 +7,16 @@ hold a closed path in its place; `bordered` puts them round the KKT matrix.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.integrals import integrals, integrals_by_times
-from actionopt.discrete.stretch import Stretch, joint_rates
 from actionopt.discrete.surfaces import event_at, reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
@@ -90,8 +88,7 @@ class Border(Protocol):
     `Bordered` holds a tuple of borders, in the order of their unknowns behind those of the path. No
     border knows of another one: one whose terms contain times of events adds their derivatives to
     `Gradient.times` and `Bend`, as if each time were a variable of its own, and `Bordered` makes of
-    them derivatives by the unknowns of `Times`. (Of a `Duration` where laws contain the time it
-    takes differences of all equations together.) A border that replaces an equation (tangency for
+    them derivatives by the unknowns of `Times`. A border that replaces an equation (tangency for
     [H] = 0, an arclength) returns its own in place of dW/dbeta.
     With each multiplier among them the matrix has one negative eigenvalue more than W has
     directions in which it falls: index = negative eigenvalues - multipliers.
@@ -123,7 +120,7 @@ class Border(Protocol):
         ...
 
 
-# -- a duration ---------------------------------------------------------------------------------
+# -- the times of the events ----------------------------------------------------------------------
 
 
 def over(problem: Problem, duration: float) -> Problem:
@@ -146,57 +143,20 @@ def times_of(problem: Problem) -> Array:
     return np.array([np.nan if e.t is None else e.t for e in problem.joints_found])
 
 
-@dataclass(frozen=True, eq=False)
-class Duration:
-    """The logarithm of the duration, in units of `unit`: T (E - H) = 0.
+class Legs(NamedTuple):
+    """The times of events (k + 2,) and dt/dbeta (k + 2, b) that belong to unknowns of `Times`.
 
-    Attributes
-    ----------
-    problem : Problem
-        With the energy E, and a time that is free.
-    unit : float
+    And of each run its legs, its unknowns, its durations, and whether these share a time.
     """
 
-    problem: Problem
-    unit: float
-    size = 1
-    multipliers = 0
-
-    def begin(self, at: DiscretePath) -> Array:
-        """Return that of the path at hand, (1,)."""
-        return np.array([math.log(at.mesh.duration / self.unit)])
-
-    def duration(self, beta: Array) -> float:
-        """Return T of beta (1,)."""
-        return self.unit * math.exp(min(max(float(beta[0]), -OFF), OFF))
-
-    @property
-    def moving(self) -> int:
-        """Which event's time moves with the duration, 0 or 1."""
-        return 0 if self.problem.end.t is not None else 1
-
-    def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
-        """Return d(W + E T)/d log T, (1,)."""
-        slope = (-1, 1)[self.moving] * gradient.times[self.moving]
-        return np.array([(slope + self._energy(at)) * at.mesh.duration])
-
-    def _energy(self, at: DiscretePath) -> float:
-        return self.problem.energy / at.tr.action_unit  # type: ignore[operator]
-
-    def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
-        """Return the derivatives by log T, of a system without a clock."""
-        stretch = Stretch(at, at.mesh.since[None])
-        column = stretch.residuals()
-        own = (stretch.twice() + stretch.slopes()) / at.tr.action_unit
-        return Edges(column, column.T, own + self._energy(at) * at.mesh.duration)
-
-
-# -- the times of several events ------------------------------------------------------------------
+    times: Array
+    jacobian: Array
+    parts: list[tuple[slice, slice, Array, bool]]
 
 
 @dataclass(frozen=True, eq=False)
 class Times:
-    """The times of the events of a course: [H] = 0 at each that is free, H = E at an end.
+    """The times of the events: [H] = 0 at each that is free, H = E at an end.
 
     Unknowns are the logarithms of the legs' durations in units of `first`, so that times cannot
     cross. Between two times that are given the durations share what there is,
@@ -218,6 +178,7 @@ class Times:
     first: Array
     energy: float
     multipliers = 0
+    _last: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def runs(self) -> list[tuple[slice, float | None]]:
@@ -239,6 +200,13 @@ class Times:
         return found
 
     @property
+    def moving(self) -> NDInt:
+        """The events whose times are unknown; the first one's may be chosen if all are."""
+        free = np.isnan(self.given)
+        free[0] &= not free.all()
+        return np.flatnonzero(free)
+
+    @property
     def size(self) -> int:
         """The number of unknown durations."""
         return sum(run.stop - run.start - (T is not None) for run, T in self.runs)
@@ -254,31 +222,48 @@ class Times:
 
     def times(self, beta: Array) -> Array:
         """Return the times of the events, (k + 2,)."""
-        return self._times(beta)[0]
+        return self._at(beta).times
 
-    def _times(self, beta: Array) -> tuple[Array, list[tuple[slice, slice, Array, bool]]]:
-        """Return the times; and each run's legs, unknowns, durations, and if these are shared."""
-        h = np.array(self.first)
-        known = np.diff(self.given)
-        h[np.isfinite(known)] = known[np.isfinite(known)]
-        parts, place = [], 0
+    def _at(self, beta: Array) -> Legs:
+        """Return what belongs to the unknowns beta (b,); it is kept until they change."""
+        key = beta.tobytes()
+        known = self._last.get("legs")
+        if known is None or known[0] != key:
+            self._last["legs"] = known = key, self._legs(beta)
+        return known[1]
+
+    @cached_property
+    def _given_events(self) -> NDInt:
+        """The events whose times are given, or the first one if none is."""
+        fixed = np.flatnonzero(np.isfinite(self.given))
+        return fixed if fixed.size else np.zeros(1, dtype=int)
+
+    def _legs(self, beta: Array) -> Legs:
+        known = self.given[1:] - self.given[:-1]
+        h = np.where(np.isfinite(known), known, self.first)
+        by_h, parts, place = np.zeros((h.size, beta.size)), [], 0
+        far = OFF if h.size == 1 else FAR_OFF
+        factors = np.exp(np.minimum(np.maximum(beta, -far), far))
         for run, T in self.runs:
             count = run.stop - run.start - (T is not None)
-            own = np.clip(beta[place : place + count], -FAR_OFF, FAR_OFF)
-            part = self.first[run] * np.exp(own if T is None else np.append(own, 0.0))
-            h[run] = part if T is None else part * (T / part.sum())
-            parts.append((run, slice(place, place + count), h[run], T is not None))
-            place += count
-        times = np.array(self.given)
-        fixed = np.flatnonzero(np.isfinite(times))
-        if not fixed.size:
-            times[0], fixed = 0.0, np.array([0])
-        for k in range(int(fixed[0]) - 1, -1, -1):
-            times[k] = times[k + 1] - h[k]
-        for k in range(int(fixed[0]) + 1, times.size):
-            if not np.isfinite(times[k]):
-                times[k] = times[k - 1] + h[k - 1]
-        return times, parts
+            own = slice(place, place := place + count)
+            if T is None:
+                part = self.first[run] * factors[own]
+                by_h[range(run.start, run.stop), range(own.start, own.stop)] = part
+            else:
+                part = self.first[run] * np.append(factors[own], 1.0)
+                part *= T / part.sum()
+                by_h[run, own] = (np.diag(part) - np.outer(part, part) / T)[:, :-1]
+            h[run] = part
+            parts.append((run, own, part, T is not None))
+        since, change = np.zeros(h.size + 1), np.zeros((h.size + 1, beta.size))
+        since[1:], change[1:] = h.cumsum(), by_h.cumsum(axis=0)
+        start, given = self._given_events[0], self.given[self._given_events]
+        times = since - since[start]
+        if given[0] == given[0]:
+            times += given[0]
+            times[self._given_events] = given
+        return Legs(times, change - change[start], parts)
 
     def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
         """Return d(W + E T)/dbeta, (b,)."""
@@ -292,29 +277,14 @@ class Times:
 
     def jacobian(self, beta: Array) -> Array:
         """Return dt/dbeta, (k + 2, b)."""
-        by_h = np.zeros((self.first.size, beta.size))
-        for run, own, h, shared in self._times(beta)[1]:
-            part = np.diag(h)
-            if shared:
-                part = (part - np.outer(h, h) / h.sum())[:, :-1]
-            by_h[run, own] = part
-        return self._add_durations(by_h)
-
-    def _add_durations(self, by_h: Array) -> Array:
-        """Return the change of the times (k + 2, ...) that belongs to that of the durations."""
-        found = np.concatenate([np.zeros((1, *by_h.shape[1:])), np.cumsum(by_h, axis=0)])
-        fixed = np.flatnonzero(np.isfinite(self.given))
-        return found - found[fixed[0]] if fixed.size else found
+        return self._at(beta).jacobian
 
     def twice(self, beta: Array, slopes: Array) -> Array:
         """Return sum slopes d2t/dbeta2, (b, b), for slopes (k + 2,)."""
-        by_h = np.zeros(self.first.size)  # by the durations
-        fixed = np.flatnonzero(np.isfinite(self.given))
-        start = int(fixed[0]) if fixed.size else 0
-        by_h[:] = np.cumsum(slopes[:0:-1])[::-1]
-        by_h[:start] -= slopes.sum()
+        by_h = np.cumsum(slopes[:0:-1])[::-1].copy()  # by the durations
+        by_h[: self._given_events[0]] -= slopes.sum()
         found = np.zeros((beta.size, beta.size))
-        for run, own, h, shared in self._times(beta)[1]:
+        for run, own, h, shared in self._at(beta).parts:
             g = by_h[run]
             if not shared:
                 found[own, own] = np.diag(g * h)
@@ -326,11 +296,7 @@ class Times:
         return found
 
     def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
-        """Add the derivatives by the times; `Bordered` makes those by beta of them."""
-        assert bend.path is not None
-        stretch = Stretch(at, joint_rates(at.tr))
-        bend.path += stretch.residuals()
-        bend.times += stretch.twice() / at.tr.action_unit
+        """Return zeros: `Bordered` makes those by beta of what `bend` has by the times."""
         b = self.size
         empty = np.zeros((at.tr.layout.size, b))
         return Edges(empty, empty.T, np.zeros((b, b)))

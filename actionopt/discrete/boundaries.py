@@ -44,6 +44,14 @@ def with_boundaries(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
     return mesh.cut(since, np.array(mesh.degrees)[np.searchsorted(b, middle) - 1])
 
 
+def boundaries_at(mesh: Mesh, known: tuple[Instant, ...]) -> NDInt:
+    """Return the inner boundaries of the mesh at instants, those of which it has."""
+    slack = _slack(mesh)
+    at = _inside(known, mesh.boundaries[0], mesh.duration, slack)
+    apart = np.abs(at[:, None] - mesh.since)
+    return apart.argmin(axis=1)[apart.min(axis=1, initial=np.inf) <= slack]
+
+
 def find_boundaries(mesh: Mesh, times: Array) -> NDInt:
     """Return the boundaries (k,) of elements at times (k,). Raises ValueError if there is none."""
     b, slack = mesh.boundaries, 2 * _slack(mesh)
@@ -55,12 +63,6 @@ def find_boundaries(mesh: Mesh, times: Array) -> NDInt:
             f"ends at t = {times[np.argmax(off)]:.6g}; put a boundary there"
         )
     return k
-
-
-def stretch_legs(mesh: Mesh, old: Array, new: Array) -> Mesh:
-    """Return the mesh with the legs between times `old` (k + 2,) stretched onto those of `new`."""
-    since = np.interp(mesh.since, mesh.since[find_boundaries(mesh, old)], new - new[0])
-    return Mesh.over(float(new[0]), float(new[-1]), since, mesh.degrees)
 
 
 def sides(mesh: Mesh, known: tuple[Instant, ...]) -> tuple[Array, Array]:

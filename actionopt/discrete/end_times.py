@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.stretch import Stretch, joint_rates
+from actionopt.discrete.stretch import by_joints
 from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import across
@@ -21,18 +21,8 @@ from actionopt.tools.types import Array
 
 
 def by_times(at: DiscretePath) -> Array:
-    """Return dS/dt at fixed coordinates at the nodes by the times of all events, (k + 2,).
-
-    Where laws take turns they do so at the events; other switches of the clock stay where they are.
-    """
-    rates = joint_rates(at.tr)
-    found = Stretch(at, rates).slopes()
-    if at.problem.instants:  # at rest while the times about them are stretched
-        inner, jumps = jumps_of(at)
-        since = np.array([t for _, t in inner]) - at.problem.start.t
-        for jump, t in zip(jumps, since, strict=True):
-            found -= jump * np.array([np.interp(t, at.mesh.since, rate) for rate in rates])
-    return found
+    """Return dS/dt at fixed coordinates at the nodes by the times of all events, (k + 2,)."""
+    return by_joints(at).slopes()
 
 
 def jumps_of(at: DiscretePath) -> tuple[tuple[Instant, ...], Array]:

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.stretch import Stretch, joint_rates
+from actionopt.discrete.stretch import by_joints
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
@@ -24,7 +24,7 @@ def integrals(at: DiscretePath) -> tuple[Array, Array]:
 
 def integrals_by_times(at: DiscretePath) -> Array:
     """Return how they change with the times of the events, (c, k + 2), as the action does."""
-    times = Stretch(at, joint_rates(at.tr))
+    times = by_joints(at)
     g, _, by_v, by_t = _at_nodes(at)
     return np.array([times.sums(g[:, i], by_v[:, i], by_t[:, i]) for i in range(g.shape[1])])
 

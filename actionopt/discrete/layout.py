@@ -184,6 +184,11 @@ class Layout(MatrixLayout):
         return at.ravel()
 
     @cached_property
+    def element_of(self) -> NDInt:
+        """The element of each evaluation, (evaluations,)."""
+        return np.concatenate([np.repeat(g.elements, g.rule.degree + 1) for g in self.groups])
+
+    @cached_property
     def probe(self) -> Array:
         """A variation (size,) to begin inverse iteration with: smooth, and of no symmetry.
 

@@ -16,11 +16,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from actionopt.discrete.action import Action
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.system import System
-from actionopt.tools.types import Array
+from actionopt.tools.types import Array, NDInt
 
 
 class Stretch:
@@ -38,10 +37,11 @@ class Stretch:
         tr = at.tr
         self.at, self.rates, self.weight = at, rates, tr.weight[:, 0]
         self.timed = at.problem.system.structure.depends_on_time
-        parts = [np.repeat(g.elements, g.rule.degree + 1) for g in tr.layout.groups]
-        self._element = np.concatenate(parts)
+        self._element = tr.layout.element_of
         # h' / h at the evaluations, (J, evaluations)
-        self.longer = (np.diff(rates) / tr.mesh.lengths)[:, self._element]
+        self.longer = ((rates[:, 1:] - rates[:, :-1]) / tr.mesh.lengths)[:, self._element]
+        self._first, point = tr.first(at.x), tr.place(at.x)  # L_q, p and L
+        self._state = point.at, point.v, tr.times, at.problem.packed
 
     @cached_property
     def later(self) -> Array:
@@ -49,17 +49,6 @@ class Stretch:
         tr = self.at.tr
         since = tr.mesh.nodes_since[tr.layout.node_of] - tr.mesh.since[self._element]
         return self.rates[:, self._element] + since * self.longer
-
-    @cached_property
-    def _state(self) -> tuple[Array, Array, Array, Array]:
-        """q, v (evaluations, n) and t (evaluations, 1), and the parameters."""
-        point = self.at.tr.place(self.at.x)
-        return point.at, point.v, self.at.tr.times, self.at.problem.packed
-
-    @cached_property
-    def _first(self) -> list[Array]:
-        """L_q, p and L."""
-        return [x.copy() for x in self.at.problem.system.pointwise("first")(*self._state)]
 
     @cached_property
     def second(self) -> list[Array]:
@@ -157,14 +146,9 @@ class Stretch:
         return found
 
 
-def joint_rates(tr: Action) -> Array:
-    """Return the rates (k + 2, N + 1) at which boundaries move with the time of each event.
-
-    Legs are stretched between their events. Switches of laws stand at events, and move with them.
-    """
-    since = tr.mesh.since
-    joints = since[np.searchsorted(tr.mesh.offsets, tr.joints)]
-    return np.array([np.interp(since, joints, row) for row in np.eye(joints.size)])
+def by_joints(at: DiscretePath, events: NDInt | slice = slice(None)) -> Stretch:
+    """Return the derivatives by the times of all events, or of some."""
+    return Stretch(at, at.tr.joint_rates[events])
 
 
 def explicit(system: System) -> Pointwise:
