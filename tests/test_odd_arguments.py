@@ -148,12 +148,20 @@ def calls(folder):
     }  # fmt: skip
 
 
+EVENT_PARTS = ("of_places", "places", "pinned_places")
 # Methods that the rooms call on each other's objects, and users do not.
 INTERNAL = {
     *("Problem.found_at", "System.assemble", "System.lagrangian_of"),
+    *(f"{kind}.{name}" for kind in ("Event", "Periodic") for name in EVENT_PARTS),
     *("Mesh.cut", "Mesh.over", "Path.carried_on", "Periodic.after", "Problem.closed_from"),
     *("Problem.with_times", "Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
-    *("System.check_free", "System.dynamics", "System.forget", "System.memoize"),
+    *(
+        "System.check_free",
+        "System.check_order",
+        "System.dynamics",
+        "System.forget",
+        "System.memoize",
+    ),
     *(
         "System.operations",
         "System.pointwise",

@@ -207,7 +207,7 @@ def test_events_move():
 @pytest.mark.parametrize(
     ("build", "found"),
     [
-        (lambda: Event(0, [1.0], v=[0.0]), r"v=\[0.0\]"),
+        (lambda: Event(0, [1.0], p=[0.0]), r"p=\[0.0\]"),
         (lambda: Event(0, [1.0], [0.0]), r"also \[0.0\]"),
     ],
 )

@@ -58,6 +58,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 26-29; V. I. Arnold, *Funct.
     Anal. Appl.* 1 (1967), p. 1, for the phases.
     """
+    question(solution).system.check_order("a conjugate point")
     if isinstance(question(solution).end, Periodic):
         raise ValueError(
             "expected a path from one event to another, found one that closes: its start varies "

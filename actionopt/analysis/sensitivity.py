@@ -24,6 +24,7 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.layout import BorderedLayout, border_matrix
 from actionopt.discrete.stretch import explicit
 from actionopt.discrete.surfaces import reactions, surface_at
+from actionopt.mechanics.events import RATES
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Tail
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
@@ -42,7 +43,8 @@ class Sensitivity:
     A coordinate that an event leaves free is determined by the others: derivatives by it are
     zero; where it lies on a surface it moves with that, at its `parameters`, too. With
     constraints, events may move only along the surface, and first derivatives are to be combined
-    with motions that do.
+    with motions that do. Where L contains accelerations, velocities at the events stand behind the
+    coordinates in all of them: q0 (2 n,), q0q0 (2 n, 2 n), and so on for higher derivatives.
 
     Attributes
     ----------
@@ -109,14 +111,15 @@ def sensitivity(
             "and take differences, or see `momenta` for dS by the coordinates there"
         )
     problem = at.problem
-    if problem.through or problem.integral is not None:
+    if problem.through or problem.integral is not None or problem.system.order > 1:
         second = second_through(at)
     else:
         second = _second(resolve(at, error, SENSITIVITY_RESOLUTION))
     found = slopes(at, momenta, jumps)
     ends = zip((found["q0"], found["q1"]), problem.surfaces, (0, -1), strict=True)
     for row, on, k in ends:
-        row[[i for i, x in enumerate((on or problem.joints_found[k]).q) if x is None]] = 0.0
+        places = (on or problem.joints_found[k]).places(problem.system.order)
+        row[[i for i, x in enumerate(places) if x is None]] = 0.0
     parameters = _unpack(problem.system, found["parameters"])
     for name in (MULTIPLIERS, SWITCHES):
         parameters.pop(name, None)
@@ -133,11 +136,11 @@ def slopes(
     And by "integral" (c,) and "parameters" (p,), packed. Only where no force is non-conservative.
     """
     tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
-    system, q = problem.system, at.Q[node_of]
+    system, place = problem.system, tr.place(at.x)
     times = by_times(at)
     times[1:-1] = jumps[1]
     lam = at.lam[node_of]
-    by_parameters = explicit(system)(q, tr.velocities(q), tr.times, problem.packed, lam)[1]
+    by_parameters = explicit(system)(place.at, place.v, tr.times, problem.packed, lam)[1]
     packed = np.sum(tr.weight * by_parameters, axis=0)
     inner, steps = jumps_of(at)
     if inner:  # moved by parameters
@@ -146,7 +149,7 @@ def slopes(
     joints = problem.joints
     by_place = np.concatenate([-momenta[0][None], -jumps[0], momenta[1][None]])
     for row, event in zip(by_place[1:-1], joints[1:-1], strict=True):
-        row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
+        row[[i for i, x in enumerate(event.places(system.order)) if x is None]] = 0.0
     for k, event in enumerate(joints):
         if event.on is not None:  # S + mu.on is what is stationary
             mu, _ = reactions(at, k)
@@ -203,22 +206,25 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
     The ends are free in the equations, and held by multipliers: d2S is what these change by as the
     ends are moved, along the tangent planes of constraints.
     """
-    problem, n = at.problem, at.problem.system.n
+    problem, n, order = at.problem, at.tr.layout.width, at.tr.order
     asked, ends = problem.asked or problem, (problem.start, problem.end)
     start, end = (
-        e._replace(t=x.t, q=None) for e, x in zip((asked.start, asked.end), ends, strict=True)
+        e._replace(t=x.t, q=None, **dict.fromkeys(RATES))
+        for e, x in zip((asked.start, asked.end), ends, strict=True)
     )
     equations, y = equations_of(asked.replace(start=start, end=end), at)
-    planes = tangent(problem, at.Q[[0, -1]], at.mesh.nodes[[0, -1], None], np.ones(n))
+    planes = [np.eye(n)] * 2
+    if order == 1:
+        planes = tangent(problem, at.Q[[0, -1]], at.mesh.nodes[[0, -1], None], np.ones(n))
     layout = equations.layout
     number = (layout.inner if isinstance(layout, BorderedLayout) else layout).number
     edges, maps = [], []
     for k, event in enumerate((asked.start, asked.end)):
-        pinned = list(event.pinned)
+        pinned = list(event.pinned_places(order))
         plane, sizes, _ = np.linalg.svd(planes[k][pinned])
         plane = plane[:, : np.sum(sizes > RANK)]
         edges.append(np.zeros((layout.size, plane.shape[1])))
-        edges[k][number[-k, pinned]] = plane * at.tr.lengths[pinned, None]
+        edges[k][number[-k, pinned]] = plane * at.tr.place_units[pinned, None]
         maps.append(np.zeros((plane.shape[1], n)))
         maps[k][:, pinned] = plane.T
     edge = np.hstack(edges)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, fields, replace
@@ -19,6 +19,7 @@ from actionopt.analysis.action_function import action_function, opti
 from actionopt.analysis.compare import Comparison, compare, join
 from actionopt.analysis.flow import ZERO_SIZE
 from actionopt.analysis.index import Inertia, inertia, inertia_asked, inertia_through
+from actionopt.analysis.ostrogradsky import compare_motion, energy, momenta
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
@@ -121,12 +122,15 @@ class Solution:
     def momenta(self) -> tuple[Array, Array]:
         """Momenta p0 = -dS/dq0 and p1 = +dS/dq1 at the events, each (n,): accurate to order 2d.
 
+        Where L contains accelerations, Ostrogradsky's: those of q, then those of v, (order n,).
         With constraints, those of the motions that the constraints allow. Hamilton and Jacobi's
         identities; Marsden and West (2001), section 1.3.
         """
         if self.ends is not None:
             return self.ends.momenta
         system, parameters = self.problem.system, self.problem.parameters
+        if system.order > 1:
+            return self._free_momenta
         if not (system.m or (system.r and (self._held_at(0) or self._held_at(1)))):
             return self._free_momenta
         p0, p1 = (
@@ -192,7 +196,9 @@ class Solution:
         for a, b in pairwise([0, *inner.tolist(), mesh.elements]):
             part = Mesh(mesh.boundaries[a : b + 1], degrees[a:b])
             nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
-            found.append(Path(part, self.path.values[:, nodes]))
+            rates = self.path.velocities
+            rates = None if rates is None else rates[:, nodes]
+            found.append(Path(part, self.path.values[:, nodes], rates))
         return tuple(found)
 
     @cached_property
@@ -203,10 +209,13 @@ class Solution:
             return (self.between_times,)
         nodes, found = tr.joints.tolist(), []
         systems = problem.laws or (problem.system,) * len(self.legs)
+        n, places = problem.system.n, tr.place(self.discrete.x).places
         for system, leg, (a, b) in zip(systems, self.legs, pairwise(nodes), strict=True):
             ends = [
                 Event(t, q) for t, q in zip(mesh.nodes[[a, b]], leg.values.T[[0, -1]], strict=True)
             ]
+            if problem.system.order > 1:
+                ends = [Event.of_places(float(mesh.nodes[k]), places[k], n) for k in (a, b)]
             if problem.integral is not None:
                 system = problem.system
             given = {k: x for k, x in problem.parameters.items() if k in system.table.shapes}
@@ -243,7 +252,7 @@ class Solution:
         """`impulses` and `energy_jumps`: -dS/dq and dS/dt at events of given place."""
         system, at = self.problem.system, self.discrete
         if not self.problem.through:
-            return _read_only(np.zeros((0, system.n)), np.zeros(0))
+            return _read_only(np.zeros((0, system.order * system.n)), np.zeros(0))
         if not system.m:
             return _read_only(-at.tr.pulls(at.z)[1:-1], by_times(at)[1:-1])
         # The rows that an event of given place has not would push there, too: from both sides.
@@ -332,15 +341,43 @@ class Solution:
         return found.reshape(found.shape[0], *times.shape)
 
     def momentum(self, t: ArrayLike) -> Array:
-        """Return p(t) = dL/dv, shape (n, K) or (n,)."""
+        """Return p(t) = dL/dv, shape (n, K) or (n,).
+
+        Where L contains accelerations, Ostrogradsky's momenta p_1 = dL/dv - dp_2/dt of q and
+        p_2 = dL/da of v, (2 n, K), and so on; after an event that is passed, at its time.
+        """
+        if self.problem.system.order > 1:
+            return self._along_legs(momenta, t)
         return self._pointwise("momentum", t)
 
     def energy(self, t: ArrayLike) -> Array:
-        """Return the energy function H = v . dL/dv - L, shape (K,) or a 0-d array."""
+        """Return the energy function H = v . dL/dv - L, shape (K,) or a 0-d array.
+
+        Where L contains accelerations, H = p_1 . v + p_2 . a - L, with `momentum`.
+        """
+        if self.problem.system.order > 1:
+            return self._along_legs(energy, t)[0]
         return self._pointwise("energy", t)
 
+    def _along_legs(self, curve: Callable[[DiscretePath], Path], t: ArrayLike) -> Array:
+        """Return what is continuous between events at times t, (..., *t.shape)."""
+        times = numbers(t, "the times")
+        flat, parts = times.ravel(), self.parts
+        begins = np.array([part.mesh.boundaries[0] for part in parts[1:]])
+        leg = np.searchsorted(begins, flat, side="right")
+        curves = [curve(part.discrete) for part in parts]
+        found = np.empty((len(curves[0].values), flat.size))
+        for k, path in enumerate(curves):
+            found[:, leg == k] = path(flat[leg == k])
+        return found.reshape(len(found), *times.shape)
+
     def acceleration(self, t: ArrayLike) -> Array:
-        """Return the accelerations of the equations of motion at q(t), v(t): (n, K) or (n,)."""
+        """Return the accelerations of the equations of motion at q(t), v(t): (n, K) or (n,).
+
+        Where L contains them, those of the polynomials.
+        """
+        if self.problem.system.order > 1:
+            return self.path.acceleration(t)
         return self._pointwise("acceleration", t)
 
     def multipliers(self, t: ArrayLike) -> Array:
@@ -390,7 +427,8 @@ class Solution:
         Of a path whose duration was to be found it is that of S + E T, the duration varying;
         `between_times` has the other.
         """
-        if self.problem.through or self.problem.integral is not None:
+        higher = self.problem.system.order > 1
+        if self.problem.through or self.problem.integral is not None or higher:
             return inertia_through(self.discrete, self.error)
         if self.problem.asked is not None or self.problem.closes:
             return inertia_asked(self.discrete, self.error)
@@ -538,6 +576,7 @@ class Solution:
 
         Raises ValueError for closed paths, ends at infinity and several laws.
         """
+        self.problem.system.check_order("the action as a function of nodes")
         return action_function(self.problem, self.discrete.tr)
 
     def opti(self) -> tuple[ca.Opti, ca.MX]:
@@ -560,6 +599,7 @@ class Solution:
 
         Raises ImportError if xarray is not installed, ValueError for times outside.
         """
+        self.problem.system.check_order("a table of its path")
         return dataset(self, t)
 
     def to_dataframe(self, t: ArrayLike | None = None) -> Any:
@@ -571,10 +611,12 @@ class Solution:
 
         Raises ImportError if pandas is not installed, ValueError for times outside.
         """
+        self.problem.system.check_order("a table of its path")
         return frame(self, t)
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
+        self.problem.system.check_order("a file of a solution (it can be pickled)")
         save(
             file,
             self.problem,
@@ -600,6 +642,8 @@ class Solution:
                 f"{self.contacts[0].begin:.6g} on: forward integration does not know it; compare "
                 "the free parts, each as a problem of its own without the obstacle"
             )
+        if self.problem.system.order > 1:
+            return compare_motion(self.between_times.discrete, self.error)
         return compare(self)
 
     @cached_property
@@ -615,6 +659,9 @@ class Solution:
         system, parameters = self.problem.system, self.problem.parameters
         t, q = float(self.mesh.boundaries[-k]), self.path.values[:, -k]
         v = self.path.velocity(t)
+        if system.order > 1:
+            places = self.discrete.tr.place(self.discrete.x).places
+            return State(t, q, places[-k, q.size : 2 * q.size])
         if system.r and self._held_at(k):  # the momentum does not tell
             return State(t, q, v)
         # A failed attempt may have no such velocity: the polynomial's stands.

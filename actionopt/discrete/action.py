@@ -36,16 +36,21 @@ from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
 
+# Of a duration, what rates are measured by: about the elements of a mesh. Ad hoc.
+RATE = 8.0
+
 
 @dataclass(eq=False, slots=True)
 class Evaluations:
     """What was computed for unknowns, to be used again; `x` are their bytes, soon compared.
 
     Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`,
-    both (evaluations, n).
+    both (evaluations, n), or all derivatives but the highest and that one (`mechanics.tracing`).
+    The `places` (K, width) of the nodes are Q where the order is one.
     """
 
     x: bytes
+    places: Array
     Q: Array
     at: Array
     v: Array
@@ -57,12 +62,16 @@ class Evaluations:
 
 
 class ActionUnits(NamedTuple):
-    """The origin of coordinates, an inertia, and the units of action and of constraints' rows."""
+    """The origin of coordinates, an inertia, and the units of action and of constraints' rows.
+
+    And a rate: derivatives are measured in units of `lengths` times its powers.
+    """
 
     origin: Array | None
     inertia: Array
     action_unit: float
     row_units: Array
+    rate: float
 
 
 class Action:
@@ -116,7 +125,13 @@ class Action:
         self.weight = weight[:, None]
         self.rest = level(problem, self.times, self.weight) if self.nodal else 0.0
         self.ends = self._ends()
-        self.x_unit = lengths[layout.free % n]
+        # Of another mesh, over other times, vectors z are to mean the same.
+        self.rate = RATE / problem.duration if like is None else like.rate
+        self.place_units = lengths
+        if problem.system.order > 1:
+            powers = self.rate ** np.arange(problem.system.order)
+            self.place_units = (powers[:, None] * lengths).ravel()
+        self.x_unit = self.place_units[layout.free % layout.width]
         self.origin = problem.origin if like is None else like.origin
         self.x_origin = None if self.origin is None else self.origin[layout.free % n]
         self._point: Evaluations | None = None
@@ -139,13 +154,19 @@ class Action:
         self.mu_unit = self.action_unit / self.row_unit
 
     def _ends(self) -> Array:
-        """Return the coordinates that are given, (K, n), and zeros."""
-        ends, problem = np.zeros((self.layout.node_count, self.problem.system.n)), self.problem
+        """Return the places that are given, (K, width), and zeros."""
+        ends, problem = np.zeros((self.layout.node_count, self.layout.width)), self.problem
         for k, event in zip(
             self.joints if problem.through else (0, -1), problem.joints_found, strict=True
         ):
-            ends[k] = [0.0 if x is None else x for x in event.q]
+            given = event.q if self.order == 1 else event.places(self.order)
+            ends[k] = [0.0 if x is None else x for x in given]
         return ends
+
+    @property
+    def order(self) -> int:
+        """That of the highest derivative in the Lagrangian."""
+        return self.problem.system.order
 
     @cached_property
     def joints(self) -> NDInt:
@@ -171,7 +192,7 @@ class Action:
     @property
     def units(self) -> ActionUnits:
         """What may be those of another mesh: `like` needs no more."""
-        return ActionUnits(self.origin, self.inertia, self.action_unit, self.row_units)
+        return ActionUnits(self.origin, self.inertia, self.action_unit, self.row_units, self.rate)
 
     def element_times(self, elements: NDInt, times: Array) -> Array:
         """Return times in elements (E,), (E, K), in a column: on the elements' side of a switch."""
@@ -232,7 +253,7 @@ class Action:
         if not system.structure.steady:  # where a search begins they are asked for again
             self.place(x).second = [values.copy() for values in second]
         self.inertia = C[len(C) // 2].copy()
-        inertias = diagonal(system, 2, C) * self.lengths**2 / duration
+        inertias = diagonal(system, 2, C) * self.lengths**2 / duration ** (2 * self.order - 1)
         good = inertias[np.isfinite(inertias) & (inertias > 0)]
         unit = float(np.partition(good, good.size // 2)[good.size // 2]) if good.size else 1.0
         if not system.m:
@@ -281,13 +302,18 @@ class Action:
         """Return z for node coordinates Q (K, n) and multipliers lam (K, m) (zero if None)."""
         layout = self.layout
         z = np.zeros(layout.size)
-        x = Q.ravel()[layout.free]
+        places = Q if self.order == 1 else self.places_of(Q)
+        x = places.ravel()[layout.free]
         if self.x_origin is not None:
             x = x - self.x_origin
         z[: layout.unknowns] = x / self.x_unit
         if lam is not None and layout.rows:
             z[layout.unknowns :] = lam[layout.row_node, layout.row_constraint] / self.mu_unit
         return z
+
+    def pack_places(self, places: Array) -> Array:
+        """Return x (unknowns,) for what is at the nodes, (K, width)."""
+        return places.ravel()[self.layout.free] / self.x_unit
 
     def unpack(self, z: Array) -> tuple[Array, Array]:
         """Return coordinates (K, n) and multipliers (K, m); NaN where there is no row."""
@@ -305,6 +331,102 @@ class Action:
 
     def coordinates(self, z: Array) -> Array:
         """Return the coordinates at the nodes, (K, n)."""
+        return self.curve(self.places(z))
+
+    def curve(self, places: Array) -> Array:
+        """Return the coordinates at the nodes, (K, n), of the `places` (K, width)."""
+        if self.order == 1:
+            return places
+        Q = places[:, : self.problem.system.n].copy()
+        for k, (g, shape) in enumerate(zip(self.layout.groups, self.layout.shapes, strict=True)):
+            Q[g.nodes[:, 1:-1]] = shape.basis[0][1:-1] @ self.local(k, places)
+        return Q
+
+    def local(self, group: int, places: Array) -> Array:
+        """Return the elements' unknowns of one degree in their own time xi, (E, d + 1, n)."""
+        g, shape = self.layout.groups[group], self.layout.shapes[group]
+        each = places.reshape(len(places), self.order, -1)
+        scale = shape.scale(self.halves[group].ravel())
+        return each[g.nodes[:, shape.node], shape.derivative] * scale[:, :, None]
+
+    def places_of(self, Q: Array) -> Array:
+        """Return the places (K, width) of a curve by its values Q (K, n) at the nodes.
+
+        Where elements meet the derivatives are the means of theirs, or what is given there.
+        """
+        layout, order = self.layout, self.order
+        places = np.zeros((len(Q), order, Q.shape[1]))
+        for g, half in zip(layout.groups, self.halves, strict=True):
+            rates = Q[g.nodes]
+            for k in range(1, order):
+                rates = by_each(g.rule.derivative, rates) / half
+                for end in (0, -1):
+                    places[g.nodes[:, end], k] += rates[:, end] / 2
+        places[[0, -1]] *= 2  # no neighbour beyond
+        places[layout.offsets, 0] = Q[layout.offsets]
+        flat = places.reshape(len(Q), -1)
+        at = layout.offsets[:, None], np.arange(layout.width)
+        flat[at] = np.where(layout.number[at] < 0, self.ends[at], flat[at])
+        for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
+            fit, by_ends = shape.fit
+            rest = Q[g.nodes[:, 1:-1]] - by_ends @ self.local(k, flat)[:, shape.ends]
+            places[g.nodes[:, order:-order], 0] = fit @ rest
+        return flat
+
+    def state(self, places: Array) -> tuple[Array, Array]:
+        """Return `at` and `v` at the evaluations, as `Evaluations` has them, of places."""
+        if self.order == 1:
+            at = places[self.layout.node_of]
+            return at, self.velocities(at)
+        n = self.problem.system.n
+        found = np.empty((self.layout.evaluations, (self.order + 1) * n))
+        for k, (g, shape) in enumerate(zip(self.layout.groups, self.layout.shapes, strict=True)):
+            local = self.local(k, places)
+            for i, basis in enumerate(shape.basis):
+                part = by_each(basis, local) / self.halves[k] ** i
+                found[g.span, i * n : (i + 1) * n] = part.reshape(-1, n)
+        return found[:, :-n], found[:, -n:]
+
+    def shifts(self, places: Array) -> list[Array]:
+        """Return how the state changes with the logarithm of an element's length, places kept.
+
+        The first and the second derivative, (evaluations, width + n) each: a value at an end that
+        is the derivative k adds to the derivative i of the path in proportion to h^(k - i).
+        """
+        n, layout = self.problem.system.n, self.layout
+        found = [np.empty((layout.evaluations, layout.width + n)) for _ in range(2)]
+        for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
+            local = self.local(k, places)
+            for i, basis in enumerate(shape.basis):
+                for power, change in enumerate(found, 1):
+                    weighed = local * ((shape.derivative - i) ** power)[:, None]
+                    part = by_each(basis, weighed) / self.halves[k] ** i
+                    change[g.span, i * n : (i + 1) * n] = part.reshape(-1, n)
+        return found
+
+    def pull_back(self, by_place: Array, by_rate: Array) -> Array:
+        """Return derivatives by the elements' unknowns, (evaluations, n), of a sum over nodes.
+
+        Of sum w L, by_place (evaluations, width) and by_rate (evaluations, n) those of L.
+        """
+        if self.order == 1:
+            return self.add_work(self.weight * by_place, by_rate)
+        n, parts = self.problem.system.n, np.concatenate([by_place, by_rate], axis=1)
+        found = np.empty((self.layout.evaluations, n))
+        for k, (g, shape) in enumerate(zip(self.layout.groups, self.layout.shapes, strict=True)):
+            local = parts[g.span].reshape(*g.nodes.shape, self.order + 1, n)
+            half, w = self.halves[k], g.rule.weights[:, None]
+            work = half * by_each(shape.basis[0].T, w * local[:, :, 0])
+            for i in range(1, self.order + 1):
+                # Of a constant the integral is known from the ends: its round-off stays there.
+                constant, below = local[:, :1, i], shape.basis[i - 1]
+                part = by_each(shape.basis[i].T, w * (local[:, :, i] - constant))
+                work += (part + (below[-1] - below[0])[:, None] * constant) * half ** (1 - i)
+            found[g.span] = (work * shape.scale(half.ravel())[:, :, None]).reshape(-1, n)
+        return found
+
+    def places(self, z: Array) -> Array:
+        """Return the coordinates at the nodes and derivatives at boundaries, (K, width)."""
         Q = self.ends.copy()
         x = z[: self.layout.unknowns] * self.x_unit
         Q.ravel()[self.layout.free] = x if self.x_origin is None else x + self.x_origin
@@ -348,10 +470,9 @@ class Action:
         point = self._point
         key = x.tobytes()
         if point is None or point.x != key:
-            Q = self.coordinates(x)
-            at = Q[self.layout.node_of]
+            places = self.places(x)
             # Several threads may read one solution: what one found is never taken for another x.
-            self._point = point = Evaluations(key, Q, at, self.velocities(at))
+            self._point = point = Evaluations(key, places, self.curve(places), *self.state(places))
         return point
 
     def _first(self, x: Array) -> tuple[float, Array, Array]:
@@ -366,21 +487,22 @@ class Action:
 
     def action_and_gradient(self, Q: Array) -> tuple[float, Array]:
         """Return S and grad S + sum w Q over all nodes, (K n), in the user's units."""
-        at = Q[self.layout.node_of]
-        S, gradient, _ = self._action_and_gradient(at, self.velocities(at))
+        S, gradient, _ = self._action_and_gradient(*self.state_of(Q))
         if self.nodal:
             S += self._beyond(Q)
             for term, row in self._pulls(Q):
                 gradient[term.node * row.size : (term.node + 1) * row.size] += row
         return S, gradient
 
+    def state_of(self, Q: Array) -> tuple[Array, Array]:
+        """Return `state` of a curve by its values Q (K, n) at the nodes."""
+        return self.state(Q if self.order == 1 else self.places_of(Q))
+
     def value(self, Q: Array) -> float:
         """Return S over all nodes, coordinates Q (K, n), in the user's units."""
-        at, problem = Q[self.layout.node_of], self.problem
-        values = problem.parameters
-        v = self.velocities(at)
-        L = problem.system.lagrangian(at.T, v.T, self.times[:, 0], parameters=values)
-        return float(self.weight[:, 0] @ L) + (self._beyond(Q) if self.nodal else 0.0)
+        at, v = self.state_of(Q)
+        L = self.problem.system.pointwise("value")(at, v, self.times, self.problem.packed)[0]
+        return float(self.weight[:, 0] @ L[:, 0]) + (self._beyond(Q) if self.nodal else 0.0)
 
     def first(self, x: Array) -> list[Array]:
         """Return L_q, L_v and L at the evaluations, kept for the gradient at the same x."""
@@ -400,6 +522,8 @@ class Action:
             known = system.pointwise("first")(at, v, self.times, p)
             self.counts["first"] += 1
         Lq, Lv, L = known
+        if self.order > 1:
+            return self._of_higher_order(at, v, Lq, Lv, L)
         contribution = self.weight * Lq
         if system.structure.forced:
             contribution += self.weight * system.pointwise("force")(at, v, self.times, p)[0]
@@ -424,8 +548,21 @@ class Action:
     def at_unknowns(self, parts: Array) -> Array:
         """Return the sums (unknowns,) of what stands at the evaluations, (evaluations, n)."""
         layout = self.layout
-        whole = np.bincount(layout.scatter, parts.ravel(), layout.node_count * parts.shape[1])
+        whole = np.bincount(layout.scatter, parts.ravel(), layout.node_count * layout.width)
         return self.free_part(whole)
+
+    def _of_higher_order(
+        self, at: Array, v: Array, Lq: Array, Lv: Array, L: Array
+    ) -> tuple[float, Array, Array]:
+        """Return what `_action_and_gradient` does."""
+        system, layout, S = self.problem.system, self.layout, float(self.weight[:, 0] @ L[:, 0])
+        if system.structure.forced:
+            Q = system.pointwise("force")(at, v, self.times, self.problem.packed)[0]
+            Lq = Lq + np.pad(Q, ((0, 0), (0, layout.width - system.n)))
+            self.counts["force"] += 1
+        parts = self.pull_back(Lq, Lv)
+        gradient = np.bincount(layout.scatter, parts.ravel(), layout.node_count * layout.width)
+        return S, gradient, parts
 
     def action(self, x: Array) -> float:
         """Return S in its own unit."""
@@ -509,11 +646,11 @@ class Action:
             self.watch(self.mesh.elements)
         function, p = self.problem.system.pointwise("second"), self.problem.packed
         if self.problem.system.structure.steady:  # they are the same everywhere
-            rest = np.zeros((1, self.problem.system.n))
+            rest = np.zeros((1, self.layout.width)), np.zeros((1, self.problem.system.n))
             count = self.layout.evaluations
             return self.memoize_if_constant(
                 "second",
-                lambda: [x.repeat(count, axis=0) for x in function(rest, rest, self.times[:1], p)],
+                lambda: [x.repeat(count, axis=0) for x in function(*rest, self.times[:1], p)],
             )
         point = self.place(x)
         if point.second is not None:

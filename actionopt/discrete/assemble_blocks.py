@@ -15,6 +15,9 @@ def kkt(tr: Action, z: Array) -> Array:
     layout, n = tr.layout, tr.problem.system.n
     x = z[: layout.unknowns]
     A, B, C = tr.second(x)
+    if tr.order > 1:
+        F = tr.forces(x) if tr.problem.system.structure.forced else None
+        return _of_higher_order(tr, A, B, C, F)
     constant = tr.problem.system.structure.constant_mass  # then the kinetic part is kept
     stiff = tr.memoize_if_constant("blocks", lambda: _stiff(tr, C)) if constant else []
     mass = C if constant else _mass(tr, C)
@@ -64,6 +67,9 @@ def kkt(tr: Action, z: Array) -> Array:
 def kinetic(tr: Action, z: Array) -> Array:
     """Return the nonzeros of its kinetic part."""
     layout, n = tr.layout, tr.problem.system.n
+    if tr.order > 1:
+        A, B, C = tr.second(z[: layout.unknowns])
+        return _of_higher_order(tr, 0 * A, 0 * B, C, None)
     nonzeros = np.zeros(layout.blocks.count)
     elements, _ = layout.blocks.split(nonzeros)
     for whole, pairs in zip(elements, _stiff(tr, tr.second(z[: layout.unknowns])[2]), strict=True):
@@ -72,6 +78,42 @@ def kinetic(tr: Action, z: Array) -> Array:
         whole[:, :, :n, :, :n] = pairs.transpose(0, 1, 3, 2, 4)
     if layout.closed:
         _close(tr, elements)
+    return nonzeros
+
+
+def _of_higher_order(tr: Action, A: Array, B: Array, C: Array, F: list[Array] | None) -> Array:
+    """Return the matrix in blocks where L contains accelerations: sum w B_i' L_ij B_j (`element`).
+
+    A, B, C are the second derivatives by (q, v, ...), by these and the highest derivative, and by
+    that twice; F are those of the forces by the same.
+    """
+    layout, n, r = tr.layout, tr.problem.system.n, tr.order
+    second, count = tr.problem.system.pointwise("second"), layout.evaluations
+    L = np.zeros((count, r + 1, n, r + 1, n))
+    L[:, :r, :, :r] = second.full(0, A, symmetric=True).reshape(count, r, n, r, n)
+    L[:, :r, :, r] = second.full(1, B).reshape(count, r, n, n)
+    L[:, r, :, :r] = L[:, :r, :, r].transpose(0, 3, 1, 2)
+    L[:, r, :, r] = second.full(2, C, symmetric=True)
+    if F is not None:
+        force = tr.problem.system.pointwise("force_jacobian")
+        L[:, 0, :, :r] += force.full(0, F[0]).reshape(count, n, r, n)
+        L[:, 0, :, r] += force.full(1, F[1])
+    nonzeros = np.zeros(layout.blocks.count)
+    elements, _ = layout.blocks.split(nonzeros)
+    unit = tr.place_units.reshape(r, n)
+    for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
+        shape, half, (E, points) = layout.shapes[k], tr.halves[k][:, 0], g.nodes.shape
+        M = np.zeros((E, points * points, n * n))
+        for i in range(r + 1):
+            for j in range(r + 1):
+                part = L[g.span, i, :, j].reshape(E, points, n * n)
+                if part.any():
+                    M += shape.stiffness[i][j] @ (part * (half ** (1 - i - j))[:, :, None])
+        M = M.reshape(E, points, points, n, n).transpose(0, 1, 3, 2, 4)
+        scale = shape.scale(half.ravel())[:, :, None] * unit[shape.derivative]
+        M = M * scale[:, :, :, None, None] * (scale / tr.action_unit)[:, None, None]
+        at = (shape.node * layout.blocks.width + shape.derivative * n)[:, None] + np.arange(n)
+        whole[:, at.ravel()[:, None], at.ravel()] = M.reshape(E, points * n, -1)
     return nonzeros
 
 

@@ -16,6 +16,7 @@ conditions C z = c say where it is, and forces a along these directions B make t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -394,4 +395,9 @@ def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:
     slopes, force = integrals(at)[1], tr.gradient(at.x) * tr.action_unit
     if not (np.isfinite(slopes).all() and np.isfinite(force).all()):
         return np.zeros(len(slopes))
+    if problem.system.order > 1:  # rough parts count for less, as they do in motion
+        inertia = Factors(tr.layout, tr.kinetic(at.x))
+        with suppress(np.linalg.LinAlgError):
+            carried = np.array([inertia.solve(slope) for slope in slopes])
+            return -np.linalg.solve(carried @ slopes.T, carried @ force)
     return -np.linalg.lstsq(slopes.T, force, rcond=None)[0]

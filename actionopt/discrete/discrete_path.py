@@ -74,7 +74,18 @@ class DiscretePath:
     @cached_property
     def path(self) -> Path:
         """The curve."""
+        if self.tr.order > 1:
+            return Path(self.mesh, self.Q.T, self.rates[0].T)
         return Path(self.mesh, self.Q.T)
+
+    @cached_property
+    def rates(self) -> list[Array]:
+        """The derivatives up to that of the Lagrangian's order at the nodes, (K, n) each."""
+        place, layout = self.tr.place(self.x), self.tr.layout
+        state, n = np.concatenate([place.at, place.v], axis=1), self.problem.system.n
+        found = np.empty((layout.node_count, state.shape[1]))
+        found[layout.node_of] = state
+        return np.split(found[:, n:], self.tr.order, axis=1)
 
     @property
     def action(self) -> float:

@@ -118,7 +118,7 @@ class Balance:
     def of(cls, at: DiscretePath) -> Balance | None:
         """Draw it up; None where L plainly does not jump."""
         tr, problem = at.tr, at.problem
-        if problem.system.structure.jumpless:
+        if problem.system.structure.jumpless or tr.order > 1:
             return None
         batches, point = tr.between_nodes, tr.place(at.x)
         with np.errstate(all="ignore"):

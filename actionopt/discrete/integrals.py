@@ -18,22 +18,23 @@ def integrals(at: DiscretePath) -> tuple[Array, Array]:
     g, by_q, by_v, _ = _at_nodes(at)
     slopes = np.zeros((g.shape[1], tr.layout.unknowns))
     for i, slope in enumerate(slopes):
-        slope[:] = tr.at_unknowns(tr.add_work(tr.weight * by_q[:, i], by_v[:, i])) * tr.action_unit
+        slope[:] = tr.at_unknowns(tr.pull_back(by_q[:, i], by_v[:, i])) * tr.action_unit
     return tr.weight[:, 0] @ g, slopes
 
 
 def integrals_by_times(at: DiscretePath) -> Array:
     """Return how they change with the times of the events, (c, k + 2), as the action does."""
     times = by_joints(at)
-    g, _, by_v, by_t = _at_nodes(at)
-    return np.array([times.sums(g[:, i], by_v[:, i], by_t[:, i]) for i in range(g.shape[1])])
+    g, by_q, by_v, by_t = _at_nodes(at)
+    by = np.concatenate([by_q, by_v], axis=2)
+    return np.array([times.sums(g[:, i], by[:, i], by_t[:, i]) for i in range(g.shape[1])])
 
 
 def _at_nodes(at: DiscretePath) -> tuple[Array, Array, Array, Array]:
     """Return g (K, c) and its derivatives by q and v, (K, c, n), and by t, (K, c), at the nodes."""
     system, point = at.problem.system, at.tr.place(at.x)
     g, by_q, by_v, by_t = _function_of(system)(point.at, point.v, at.tr.times, at.problem.packed)
-    shape = len(point.at), system.g.numel(), system.n
+    shape = len(point.at), system.g.numel(), -1
     return g.copy(), by_q.reshape(shape).copy(), by_v.reshape(shape).copy(), by_t.copy()
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import FULL_SIZE, Blocks
 from actionopt.discrete.boundaries import find_boundaries
+from actionopt.discrete.element import element
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
@@ -81,13 +82,16 @@ class MatrixLayout:
 class Layout(MatrixLayout):
     """Numbering and sparsity of the discrete problem on all meshes of one shape.
 
+    A node has places for the coordinates and, of a system of higher order, for their derivatives at
+    the boundaries of elements (`element`): `width` of them.
+
     Parameters
     ----------
     system : System
     shape : Mesh
         Its degrees count, its times do not.
     start, end : tuple of int
-        Indices of the coordinates pinned at either end.
+        Indices of the places pinned at either end.
     closed : tuple of int
         Of a path that closes, the first node's coordinate that each of the last node's is: it has
         no unknowns and no rows of its own. Else empty.
@@ -96,12 +100,13 @@ class Layout(MatrixLayout):
     in_force : (K, m) array of bool, optional
         Which constraints are so at each node; all of them if None.
     inner : tuple of (int, tuple of int)
-        Boundaries between elements at which a path passes events, and the coordinates given there.
+        Boundaries between elements at which a path passes events, and the places given there.
 
     Raises
     ------
     ValueError
-        For a closed path of one element, which would meet itself in it.
+        For a closed path of one element, which would meet itself in it, and for elements of too low
+        a degree for the system's order.
     """
 
     def __init__(
@@ -128,7 +133,14 @@ class Layout(MatrixLayout):
         self.evaluations = shape.groups[-1].span.stop
         self.node_of = np.concatenate([g.nodes.ravel() for g in self.groups])
 
-        number = np.zeros((self.node_count, n), dtype=np.intp)
+        self.width = system.order * n
+        self.shapes = [element(g.rule.degree, system.order) for g in self.groups]
+        number = np.full((self.node_count, self.width), -1 if system.order > 1 else 0)
+        if system.order > 1:
+            for g, shape_of in zip(self.groups, self.shapes, strict=True):
+                number.reshape(-1, system.order, n)[
+                    g.nodes[:, shape_of.node], shape_of.derivative
+                ] = 0
         number[0, list(start)] = -1
         number[-1, slice(None) if closed else list(end)] = -1
         for boundary, pinned in inner:
@@ -170,9 +182,21 @@ class Layout(MatrixLayout):
 
     @cached_property
     def scatter(self) -> NDInt:
-        """Position in the full gradient (K n) of each evaluation's gradient, flattened."""
+        """Position in the full gradient (K width) of each element's gradients, flattened."""
         n = self.system.n
-        return (self.node_of[:, None] * n + np.arange(n)).ravel()
+        if self.system.order == 1:
+            return (self.node_of[:, None] * n + np.arange(n)).ravel()
+        at = [
+            (g.nodes[:, el.node] * self.width + el.derivative * n).ravel()
+            for g, el in zip(self.groups, self.shapes, strict=True)
+        ]
+        return (np.concatenate(at)[:, None] + np.arange(n)).ravel()
+
+    @cached_property
+    def derivative(self) -> NDInt:
+        """Which derivative each of the elements' unknowns is the value of, (evaluations,)."""
+        pairs = zip(self.groups, self.shapes, strict=True)
+        return np.concatenate([np.tile(el.derivative, len(g.nodes)) for g, el in pairs])
 
     @cached_property
     def element_ends(self) -> NDInt:
@@ -195,10 +219,10 @@ class Layout(MatrixLayout):
         It has a part in every low mode, so also in the turn about the line between the ends, which
         is normal to the side to which first paths are curved.
         """
-        node, coordinate = np.divmod(self.free, self.system.n)
+        node, place = np.divmod(self.free, self.width)
         found = np.zeros(self.size)
         s = node / self.node_count
-        found[: self.unknowns] = np.sin(1.0 + coordinate) * np.exp(2 * s)
+        found[: self.unknowns] = np.sin(1.0 + place) * np.exp(2 * s) * (place < self.system.n)
         return found
 
     @cached_property
@@ -207,6 +231,8 @@ class Layout(MatrixLayout):
 
         Closed paths without a clock and forces have a border, which would fill sparse factors.
         """
+        if self.system.order > 1:
+            return "blocks"
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
         if inner > BLOCK_SIZE and self.system.fill_ratio <= FILLED:
             return "sparse"
@@ -218,7 +244,7 @@ class Layout(MatrixLayout):
     @cached_property
     def blocks(self) -> Blocks:
         """Where everything is in a matrix stored in blocks."""
-        f, n = self.system.n + self.system.m, self.system.n
+        f, n = self.width + self.system.m, self.width
         node, coordinate = np.divmod(self.free, n)
         rows = self.row_node * f + n + self.row_constraint
         places = np.concatenate([node * f + coordinate, rows])
@@ -464,8 +490,8 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
 
     And of `nodal` nodes.
     """
-    known = problem.system.layouts
-    ends = problem.start.pinned, problem.end.pinned
+    known, order = problem.system.layouts, problem.system.order
+    ends = problem.start.pinned_places(order), problem.end.pinned_places(order)
     partial = None
     key = (mesh.degrees, *ends, problem.order, nodal)
     if isinstance(problem, Held):
@@ -474,7 +500,8 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
     inner: tuple[tuple[int, tuple[int, ...]], ...] = ()
     if problem.through:
         at = find_boundaries(mesh, np.array([e.t for e in problem.through])).tolist()
-        inner = tuple((k, e.pinned) for k, e in zip(at, problem.through, strict=True))
+        pinned = [e.pinned_places(order) for e in problem.through]
+        inner = tuple(zip(at, pinned, strict=True))
         key = (*key, inner)
     with problem.system.lock:
         parts = *ends, problem.order, nodal, partial, inner

@@ -92,13 +92,13 @@ def quadrature_defect(
     feature in q is not resolved, nor is what would hold the body there. Zero where there can be no
     such feature. Where what the nodes leave out does not matter it need not be `followed`.
     """
-    works = [(b, _work(b, *values)) for b, values in _values(tr, x, batches, followed)]
+    works = [(b, _work(tr, b, *values)) for b, values in _values(tr, x, batches, followed)]
     parts = [(b.at, work.ravel()) for b, work in works]
     at, work = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
-    whole = np.bincount(at, work, tr.layout.node_count * tr.problem.system.n)
+    whole = np.bincount(at, work, tr.layout.node_count * tr.layout.width)
     drift = 0.0
     structure = tr.problem.system.structure
-    if structure.samples and not structure.linear:
+    if structure.samples and not structure.linear and tr.order == 1:
         momenta = np.zeros((tr.mesh.elements, tr.problem.system.n))
         for b, work in works:
             momenta[b.elements] = work.sum(axis=1)
@@ -120,7 +120,7 @@ def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
         here.update(zip(g.elements.tolist(), mine, strict=True))
     shares = np.zeros(tr.mesh.elements)
     for b, values in _values(tr, x, batches):
-        for e, work in zip(b.elements.tolist(), _work(b, *values), strict=True):
+        for e, work in zip(b.elements.tolist(), _work(tr, b, *values), strict=True):
             shares[e] = np.abs((work - here[e]) * unit).max()
     return shares
 
@@ -137,7 +137,7 @@ def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
     found = [np.zeros(0)] * tr.mesh.elements
     for e in np.flatnonzero(coarse):
         found[e] = np.linspace(b[e], b[e + 1], CUT_PARTS + 1)[1:-1]
-    if not tr.problem.system.structure.smooth:
+    if not tr.problem.system.structure.smooth or tr.order > 1:
         return found
     for batch, values in _sample(tr, x, batches):
         if batch.panels < CUT_PARTS:
@@ -157,7 +157,8 @@ def _values(
     """Yield forces and momenta at the points of each batch, where a motion goes if it matters."""
     structure = tr.problem.system.structure
     narrow = structure.samples and not structure.linear
-    return (_follow if followed and narrow else _sample)(tr, x, batches)
+    # What is followed are motions of bodies with an inertia.
+    return (_follow if followed and narrow and tr.order == 1 else _sample)(tr, x, batches)
 
 
 def _follow(
@@ -316,6 +317,14 @@ def _points(tr: Action, x: Array, batches: list[Batch]) -> list[tuple[Array, Arr
     Q, n = tr.place(x).Q, tr.problem.system.n
     found = []
     for b in batches:
+        if tr.order > 1:
+            group, places = _group(tr, b), tr.place(x).places
+            which = np.searchsorted(tr.layout.groups[group].elements, b.elements)
+            local, bases = tr.local(group, places)[which], tr.layout.shapes[group].basis
+            parts = [b.rule.values @ basis @ local / b.half**i for i, basis in enumerate(bases)]
+            state = np.concatenate(parts, axis=2).reshape(-1, len(parts) * n)
+            found.append((state[:, :-n], state[:, -n:]))
+            continue
         local = Q[b.nodes]
         q = b.rule.values @ local
         v = b.rule.slopes @ (local - local[:, :1]) / b.half
@@ -337,7 +346,8 @@ def _add_forces(tr: Action, q: Array, v: Array, t: Array, force: Array) -> Array
     """Return the forces dL/dq with those that are non-conservative."""
     if not tr.problem.system.structure.forced:
         return force
-    return force + tr.problem.system.pointwise("force")(q, v, t, tr.problem.packed)[0]
+    Q = tr.problem.system.pointwise("force")(q, v, t, tr.problem.packed)[0]
+    return force + np.pad(Q, ((0, 0), (0, force.shape[1] - Q.shape[1])))
 
 
 def _shared_out(
@@ -345,7 +355,7 @@ def _shared_out(
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     first = 0
     for b in batches:
-        shape = b.elements.size, b.rule.nodes.size, tr.problem.system.n
+        shape = b.elements.size, b.rule.nodes.size, -1
         part = slice(first, first + shape[0] * shape[1])
         first = part.stop
         yield b, (force[part].reshape(shape), momentum[part].reshape(shape))
@@ -355,8 +365,21 @@ def _join(parts: Sequence[Array]) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _work(batch: Batch, force: Array, momentum: Array) -> Array:
+def _group(tr: Action, batch: Batch) -> int:
+    """Return which of the groups of elements a batch is of."""
+    nodes = batch.nodes.shape[1]
+    return next(k for k, g in enumerate(tr.layout.groups) if g.nodes.shape[1] == nodes)
+
+
+def _work(tr: Action, batch: Batch, force: Array, momentum: Array) -> Array:
     """Return dS/dq (virtual work included) of the elements, (E, d + 1, n)."""
+    if tr.order > 1:
+        shape, rule, half = tr.layout.shapes[_group(tr, batch)], batch.rule, batch.half
+        parts, found = [*np.split(force, tr.order, axis=2), momentum], 0.0
+        for i, (basis, part) in enumerate(zip(shape.basis, parts, strict=True)):
+            weighted = (rule.weights[:, None] * (rule.values @ basis)).T
+            found = found + weighted @ part * half ** (1 - i)
+        return found * shape.scale(batch.half.ravel())[:, :, None]
     constant = momentum[:, 0]  # its work is done at the element's ends alone
     work = batch.rule.weighted_slopes @ (momentum - momentum[:, :1])
     work += batch.half * (batch.rule.weighted_values @ force)

@@ -7,6 +7,12 @@ t' = b_0 + s h', and with them the action and what its gradient is made of, p = 
     dS = sum w [(L - v.p) h' / h + L_t t'],
     d(w L_q) = w (L_q - L_qv v) h' / h + w L_qt t',    d(L_v) = -L_vv v h' / h + L_vt t',
     d2S = sum w [v.L_vv v (h' / h)^2 + 2 (L_t - v.p_t) t' h' / h + L_tt t'^2].
+
+Of higher orders, the state y = (q, v, ...) changes by D h' / h (`Action.shifts`), with D = (0, -v)
+for the first, and to second order by D2:
+
+    dS = sum w [(L + D.L_y) h' / h + ...],
+    d2S = sum w [(D.L_yy D + D.L_y + D2.L_y) (h' / h)^2 + ...].
 """
 
 from __future__ import annotations
@@ -61,10 +67,25 @@ class Stretch:
 
     @cached_property
     def _products(self) -> tuple[Array, Array]:
-        """L_qv v and L_vv v."""
-        pointwise, v = self.at.problem.system.pointwise("second"), self._state[1]
-        mixed = pointwise.product(1, self.second[1], v).copy()
-        return mixed, pointwise.product(2, self.second[2], v, symmetric=True).copy()
+        """L_yy D by its parts in q and in v; where the order is one, -L_qv v and -L_vv v."""
+        pointwise, (A, B, C) = self.at.problem.system.pointwise("second"), self.second
+        n = self._state[1].shape[1]
+        below, highest = self._shifts[0][:, :-n], self._shifts[0][:, -n:]
+        mixed = pointwise.product(1, B, highest).copy()
+        mass = pointwise.product(2, C, highest, symmetric=True).copy()
+        if self.at.tr.order > 1:
+            mixed += pointwise.product(0, A, below, symmetric=True)
+            mass += pointwise.product(1, B, below, transposed=True)
+        return mixed, mass
+
+    @cached_property
+    def _shifts(self) -> list[Array]:
+        """D and D2."""
+        tr, v = self.at.tr, self._state[1]
+        if tr.order > 1:
+            return tr.shifts(tr.place(self.at.x).places)
+        rest = np.zeros_like(v)
+        return [np.concatenate([rest, -v], axis=1), np.concatenate([rest, v], axis=1)]
 
     @cached_property
     def _clock(self) -> list[Array]:
@@ -73,14 +94,14 @@ class Stretch:
         made = system.memoize("clocked", lambda: _clock_derivatives(system))
         return [x.copy() for x in made(*self._state)]
 
-    def sums(self, L: Array, p: Array, by_t: Array | float) -> Array:
-        """Return how sum w L changes, (J,), for L, its derivatives p by v and by t."""
-        change = self.longer @ (self.weight * (L - np.sum(self._state[1] * p, axis=1)))
+    def sums(self, L: Array, by: Array, by_t: Array | float) -> Array:
+        """Return how sum w L changes, (J,), for L, its derivatives by the state and by t."""
+        change = self.longer @ (self.weight * (L + np.sum(self._shifts[0] * by, axis=1)))
         return change + self.later @ (self.weight * by_t) if self.timed else change
 
     def slopes(self) -> Array:
         """Return dS, (J,), in the user's units; with constraints L stands for L + sum lam f."""
-        _, p, L = self._first
+        force, p, L = self._first
         by_t = 0.0
         if self.timed:
             at, system = self.at, self.at.problem.system
@@ -89,20 +110,25 @@ class Stretch:
                 by_t = explicit(system)(*self._state, lam)[0][:, 0].copy()
             else:
                 by_t = system.pointwise("rate")(*self._state)[0][:, 0].copy()
-        return self.sums(L[:, 0], p, by_t)
+        return self.sums(L[:, 0], np.concatenate([force, p], axis=1), by_t)
 
     @cached_property
     def parts(self) -> Array:
         """How dS/dq of the elements changes, (J, evaluations, n)."""
-        tr, (force, _, _), (mixed, mass) = self.at.tr, self._first, self._products
-        own = tr.add_work(tr.weight * (force - mixed), -mass)
+        tr, (force, p, _), (mixed, mass) = self.at.tr, self._first, self._products
+        if tr.order == 1:
+            own = tr.pull_back(force + mixed, mass)
+        else:
+            n, order = p.shape[1], tr.order
+            fewer = force * (1 - np.repeat(np.arange(order), n))
+            own = tr.pull_back(fewer + mixed, (1 - order) * p + mass)
+            own += tr.pull_back(force, p) * tr.layout.derivative[:, None]
         found = self.longer[:, :, None] * own
         # The work of L_vv v h' / h is that of L_vv v, times h' / h of the element.
         if self.timed:
             by_q, by_v = self._clock[:2]
             for part, later in zip(found, self.later[:, :, None], strict=True):
-                tr.add_work(part, later * by_v)
-                part += tr.weight * later * by_q
+                part += tr.pull_back(later * by_q, later * by_v)
         return found
 
     def residuals(self) -> Array:
@@ -136,11 +162,16 @@ class Stretch:
 
     def twice(self) -> Array:
         """Return d2S, (J, J), in the user's units."""
-        v, (_, mass) = self._state[1], self._products
-        found = (self.longer * (self.weight * np.sum(v * mass, axis=1))) @ self.longer.T
+        force, p, _ = self._first
+        once, twice = self._shifts
+        bent = np.sum(once * np.concatenate(self._products, axis=1), axis=1)
+        if self.at.tr.order > 1:  # else they cancel
+            bent += np.sum((once + twice) * np.concatenate([force, p], axis=1), axis=1)
+        found = (self.longer * (self.weight * bent)) @ self.longer.T
         if self.timed:
-            _, by_v, by_t, by_tt = self._clock
-            off = self.weight * (by_t[:, 0] - np.sum(v * by_v, axis=1))
+            by_q, by_v, by_t, by_tt = self._clock
+            by = np.concatenate([by_q, by_v], axis=1)
+            off = self.weight * (by_t[:, 0] + np.sum(once * by, axis=1))
             mixed = (self.longer * off) @ self.later.T
             found += mixed + mixed.T + (self.later * (self.weight * by_tt[:, 0])) @ self.later.T
         return found

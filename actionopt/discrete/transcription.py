@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from copy import copy
 from functools import cached_property
 
@@ -47,6 +46,12 @@ class Transcription(Action):
         layout, second = self.layout, self.problem.system.pointwise("second")
         mass = second.full(2, self.inertia[None], symmetric=True)[0]
         rest = self.coordinates(np.zeros(layout.unknowns))
+        if self.order > 1:
+            p = self.state(self.places(y) - self.places(0 * y))[1] @ mass
+            parts = self.pull_back(np.zeros((len(p), layout.width)), p)
+            return self.free_part(
+                np.bincount(layout.scatter, parts.ravel(), layout.node_count * layout.width)
+            )
         p = self.velocities((self.coordinates(y) - rest)[layout.node_of]) @ mass
         return self.at_unknowns(self.add_work(np.zeros_like(p), p))
 
@@ -113,13 +118,15 @@ class Transcription(Action):
         A, _, C = self.second(z[: self.layout.unknowns])
         with np.errstate(all="ignore"):
             square = median(diagonal(system, 0, A) / diagonal(system, 2, C), self.weight[:, 0])
-        return self.mesh.duration * math.sqrt(square[np.isfinite(square)].max(initial=0.0))
+        rate = square[np.isfinite(square)].max(initial=0.0) ** (0.5 / self.order)
+        return self.mesh.duration * float(rate)
 
     # -- what follows at the events ---------------------------------------------------------------
 
     def momenta(self, z: Array) -> tuple[Array, Array]:
         """Return p(t0) = -dS/dq0 and p(t1) = +dS/dq1, each (n,): Hamilton and Jacobi's identities.
 
+        Where L contains accelerations, those by the velocities stand behind (Ostrogradsky).
         With constraints they are known only up to the constraints' normals.
         """
         gradient = self._first(z[: self.layout.unknowns])[1].reshape(self.layout.node_count, -1)

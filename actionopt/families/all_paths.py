@@ -20,7 +20,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.families.centres import guesses
 from actionopt.families.searches import SAME_PATH, Answers
 from actionopt.mechanics.course import check_whole
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.problem import Problem, first_state
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import solve_near
@@ -226,7 +226,7 @@ def solve_all(
                 "expected whole numbers >= 0 of windings, starts, shots and continuations, "
                 f"found {count!r}"
             )
-    if not problem.is_joined:
+    if not problem.is_joined and problem.system.order == 1:
         check_whole(problem, "the search for all paths between given events")
     if problem.system.r and angles:
         raise ValueError(
@@ -341,10 +341,11 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
 
 def _everything(system: System, problem: Problem, q: Array, v: Array, t: Array) -> Array:
     """Return L, f and Q at q, v (n, K) and t (K,), one below the other, (1 + m + n, K)."""
-    p = problem.parameters
+    state = *first_state(system, q.T, v.T), t[:, None], problem.packed
     with np.errstate(all="ignore"):
-        rows = [np.atleast_2d(system.lagrangian(q, v, t, parameters=p))]
+        rows = [system.pointwise("value")(*state)[0].T]
         if system.m:
-            rows.append(system.constraint(q, t, parameters=p))
-        rows.append(system.force(q, v, t, parameters=p))
+            rows.append(system.constraint(q, t, parameters=problem.parameters))
+        if system.structure.forced:
+            rows.append(system.pointwise("force")(*state)[0].T)
     return np.concatenate(rows)

@@ -182,7 +182,7 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
         return old.at(t)
     if isinstance(old, Tail):
         return Tail(t, np.array(q, dtype=float), old.side, old.phase)
-    return Event(t, q, on=old.on)
+    return old._replace(t=t, q=q)
 
 
 def lead_to(path: Path, problem: Problem) -> Path:

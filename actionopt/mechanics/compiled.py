@@ -86,17 +86,28 @@ class Pointwise:
             matrices[:, cols, rows] = nonzeros
         return matrices
 
-    def product(self, output: int, nonzeros: Array, v: Array, *, symmetric: bool = False) -> Array:
+    def product(
+        self,
+        output: int,
+        nonzeros: Array,
+        v: Array,
+        *,
+        symmetric: bool = False,
+        transposed: bool = False,
+    ) -> Array:
         """Return the matrices of the nonzeros (K, nonzeros) times v (K, columns): (K, rows).
 
-        Where they are `symmetric`, the nonzeros are those of a triangle.
+        Where they are `symmetric`, the nonzeros are those of a triangle. Or `transposed`.
         """
         rows, cols = self.sparsity(output)
+        if transposed:
+            rows, cols = cols, rows
         if symmetric:
             off = rows != cols
             rows, cols = np.r_[rows, cols[off]], np.r_[cols, rows[off]]
             nonzeros = np.concatenate([nonzeros, nonzeros[:, off]], axis=1)
-        count, height = len(nonzeros), self.function.size1_out(output)
+        size = self.function.size_out(output)
+        count, height = len(nonzeros), size[1] if transposed else size[0]
         at = height * np.arange(count)[:, None] + rows
         found = np.bincount(at.ravel(), (nonzeros * v[:, cols]).ravel(), count * height)
         return found.reshape(count, height)

@@ -13,6 +13,7 @@ time is free, up to -mu.on_t (the conditions of Weierstrass and Erdmann; Gelfand
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -20,9 +21,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from actionopt.mechanics.events import Bounce, Event, Periodic
+from actionopt.mechanics.events import RATES, Bounce, Event, Periodic
 from actionopt.mechanics.surface import with_surface
 from actionopt.mechanics.system import SWITCHES, System
+from actionopt.mechanics.tracing import STATE
 from actionopt.tools.types import Array
 
 
@@ -98,11 +100,12 @@ def check_course(problem: Any) -> tuple[Event, ...]:
                 f"expected {n} coordinates ({', '.join(system.coordinates)}) at event {k} of "
                 f"through, found {len(event.q)}"
             )
-        if event.on is None and event.t is None and not event.pinned:
+        if event.on is None and event.t is None and not event.pinned and not event.rates:
             raise ValueError(
                 f"expected a time, a coordinate or a surface at event {k} of through, found "
                 "nothing given: the path would not have to do anything there; leave it out"
             )
+        check_rates(problem, (event,))
         if event.on is not None:
             event = with_surface(event, system)
             if isinstance(event, Bounce) and event.on.count > 1:
@@ -129,6 +132,33 @@ def check_course(problem: Any) -> tuple[Event, ...]:
     unknown = any(e.t is None or e.on is not None for e in found)
     _refuse(problem, unknown or problem.free_time or problem.on_surface)
     return tuple(found)
+
+
+def check_rates(problem: Any, events: Sequence[Event]) -> None:
+    """Raise ValueError where events give derivatives that the Lagrangian leaves to the motion.
+
+    And for what does not go with a Lagrangian of higher order.
+    """
+    system, n = problem.system, problem.system.n
+    for event in events:
+        if len(event.rates) >= system.order:
+            name = RATES[len(event.rates) - 1]
+            raise ValueError(
+                f"expected derivatives at an event below the highest one in the Lagrangian, found "
+                f"{name}= where that is {STATE[system.order]}: the motion decides it; leave it out"
+                + ("; for a motion from initial values see actionopt.integrate" * (name == "v"))
+            )
+        for name, row in zip(RATES, event.rates, strict=False):
+            if row is not None and len(row) != n:
+                raise ValueError(
+                    f"expected {n} values of {name} ({', '.join(system.coordinates)}) at an event, "
+                    f"found {len(row)}"
+                )
+        if system.order > 1 and (isinstance(event, (Periodic, Bounce)) or math.isinf(event.t or 0)):
+            raise ValueError(
+                "expected events at finite times of a Lagrangian with accelerations, found "
+                f"{event!r}: closed paths, reflections and rests at infinity are not known of it"
+            )
 
 
 def _refuse(problem: Any, unknown: bool) -> None:
@@ -180,7 +210,11 @@ def check_phase(problem: Any) -> None:
 
 
 def check_whole(problem: Any, what: str) -> None:
-    """Raise ValueError for a path through events where `what` is not known of one."""
+    """Raise ValueError for a path through events where `what` is not known of one.
+
+    And where L contains accelerations.
+    """
+    problem.system.check_order(what)
     if problem.through:
         raise ValueError(
             f"expected a path without events between its ends, found one through "

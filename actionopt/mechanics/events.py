@@ -14,6 +14,8 @@ from actionopt.tools.checks import items, number, numbers
 from actionopt.tools.shown import MOST_SHOWN, brief, one_line
 from actionopt.tools.types import Array
 
+RATES = ("v", "a", "j")  # derivatives of coordinates, as events name them
+
 
 @dataclass(frozen=True, eq=False)
 class Event:
@@ -34,20 +36,25 @@ class Event:
         (transversality; Gelfand and Fomin, *Calculus of Variations* (1963), section 14). Where t
         is None, p.dq - (H - energy) dt = 0 for all moves along it. Parameters that only `on`
         contains are given by the problem (`Problem(..., parameters=)`).
+    v, a, j : sequence of n numbers or None, optional
+        Derivatives of the coordinates at the event, of a path whose Lagrangian contains the next
+        ones: v where that is L(q, v, a, t), v and a where it is L(q, v, a, j, t), and so on. None
+        leaves one free, and its momentum is continuous there, or vanishes at an end.
 
     Raises
     ------
     ValueError
         If the time or a coordinate is no number, the coordinates are not finite, or in a set or a
         mapping, which have no order, or one is free at infinite time; if `on` is not callable, or
-        leaves nothing to decide.
+        leaves nothing to decide. In a problem, for derivatives that its Lagrangian leaves free.
     TypeError
-        For further arguments: a velocity cannot be given; see `actionopt.integrate`.
+        For further arguments.
     """
 
     t: float
     q: tuple[float | None, ...]
     on: Any = field(repr=False)  # a callable; in a problem, the surface traced
+    rates: tuple[tuple[float | None, ...] | None, ...]  # v, a, j; as far as they are given
 
     def __init__(
         self,
@@ -55,14 +62,18 @@ class Event:
         q: Sequence[float | None] | ArrayLike | None,
         *others: Never,
         on: Callable[..., Any] | None = None,
+        v: Sequence[float | None] | ArrayLike | None = None,
+        a: Sequence[float | None] | ArrayLike | None = None,
+        j: Sequence[float | None] | ArrayLike | None = None,
         **named: Never,
     ) -> None:
         if others or named:
             found = [*map(repr, others), *(f"{name}={x!r}" for name, x in named.items())]
             raise TypeError(
                 "expected Event(t, q), a time and the coordinates there, found also "
-                f"{', '.join(found)}; None leaves a coordinate free, and a motion from initial "
-                "values is actionopt.integrate(system, State(t, q, v), t_end)"
+                f"{', '.join(found)}; None leaves a coordinate free, v= gives velocities of a path "
+                "whose Lagrangian contains accelerations, and a motion from initial values is "
+                "actionopt.integrate(system, State(t, q, v), t_end)"
             )
         # A time that is free is None: it is known before anything reckons with it.
         infinite = isinstance(t, float) and math.isinf(t)
@@ -76,6 +87,7 @@ class Event:
         # They are None until a problem knows how many there are.
         object.__setattr__(self, "q", None if q is None else row)
         object.__setattr__(self, "on", on)
+        object.__setattr__(self, "rates", _rates(v=v, a=a, j=j))
         if on is not None:
             self._check_on(infinite)
         if infinite and (q is None or None in row):
@@ -106,7 +118,9 @@ class Event:
         """Show what was given, and whether the event lies on a surface."""
         on = ", on=..." if self.on is not None else ""
         q = self.q if self.q is None or len(self.q) <= MOST_SHOWN else brief(self.q)
-        return f"Event(t={self.t}, q={q}{on})"
+        pairs = zip(RATES, self.rates, strict=False)
+        rates = "".join(f", {name}={brief(row)}" for name, row in pairs if row is not None)
+        return f"Event(t={self.t}, q={q}{rates}{on})"
 
     @property
     def near(self) -> tuple[float | None, ...]:
@@ -118,10 +132,39 @@ class Event:
         """Indices of the coordinates that are given."""
         return tuple(i for i, x in enumerate(self.q or ()) if x is not None)
 
+    @classmethod
+    def of_places(cls, t: float, places: Array, n: int) -> Event:
+        """Return the event where n coordinates and their derivatives are `places`, (order n,)."""
+        q, *rates = places.reshape(-1, n)
+        named: dict[str, Any] = dict(zip(RATES, rates, strict=False))
+        return cls(t, q, **named)
+
+    def _with_rates_of(self, other: Event) -> Event:
+        """Return the same event with the derivatives of another."""
+        return self._replace(**other._given_rates)
+
+    def places(self, order: int) -> tuple[float | None, ...]:
+        """Return the coordinates and their derivatives below that of an order, (order n,)."""
+        found = list(self.q)
+        for k in range(order - 1):
+            row = self.rates[k] if k < len(self.rates) else None
+            found += [None] * len(self.q) if row is None else row
+        return tuple(found)
+
+    @property
+    def _given_rates(self) -> dict[str, Any]:
+        return dict(zip(RATES, self.rates, strict=False))
+
+    def pinned_places(self, order: int) -> tuple[int, ...]:
+        """Return the indices of the `places` that are given."""
+        if order == 1:
+            return self.pinned
+        return tuple(i for i, x in enumerate(self.places(order)) if x is not None)
+
     def _replace(self, **changes: Any) -> Event:
         """Return the same event with another t, q or on."""
-        known = {"t": self.t, "q": self.q, "on": self.on} | changes
-        return Event(known["t"], known["q"], on=known["on"])
+        known = {"t": self.t, "q": self.q, "on": self.on, **self._given_rates} | changes
+        return Event(known.pop("t"), known.pop("q"), **known)
 
     def at(self, t: float | None) -> Event:
         """Return the same event at another time."""
@@ -133,6 +176,24 @@ class Event:
             return self
         pairs = zip(self.q, _shift(by, len(self.q)), strict=True)
         return self._replace(q=[None if x is None else x + d for x, d in pairs])
+
+
+def _rates(**given: Any) -> tuple[tuple[float | None, ...] | None, ...]:
+    """Return the derivatives that are given, up to the highest. Raises ValueError for no numbers.
+
+    Rows of None alone are none.
+    """
+    found: list[tuple[float | None, ...] | None] = []
+    for name, row in given.items():
+        values = () if row is None else items(row, f"{name} of an event")
+        known = tuple(
+            None if x is None else number(x, f"{name}[{i}] of an event")
+            for i, x in enumerate(values)
+        )
+        found.append(None if all(x is None for x in known) else known)
+    while found and found[-1] is None:
+        found.pop()
+    return tuple(found)
 
 
 def _shift(by: Sequence[float] | ArrayLike, n: int | None) -> Array:

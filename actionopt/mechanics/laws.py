@@ -123,6 +123,8 @@ class Laws:
         self.symbols, self.coordinates = symbols, coordinates
         self.L, self.f, self.Q = L, f, Q
         self.n, self.m = len(coordinates), f.numel()  # of coordinates, and of constraint rows
+        self.order = symbols.q.numel() // self.n  # of the highest derivative in L
+        self.place = symbols.q[: self.n] if self.order > 1 else symbols.q  # where it is
         self.F: ca.SX | None = None  # the length whose square is 2 L, of geodesics
         self.lock = threading.RLock()  # of all that is derived and kept
         self._pointwise: dict[str, Pointwise] = {}
@@ -192,7 +194,7 @@ class Laws:
         """
         f = self.n + self.m
         pattern = ca.Sparsity.diag(f)
-        parts = [("second", k, 0) for k in range(3)]
+        parts = [("second", k, 0) for k in range(3)]  # with rates those of one coordinate are one
         if self.Q.numel():
             parts += [("force_jacobian", k, 0) for k in range(2)]
         if self.m:
@@ -201,7 +203,7 @@ class Laws:
                 parts.append(("constraint_curvature", 0, 0))
         for name, output, first in parts:
             row, col = self.pointwise(name).sparsity(output)
-            rows, cols = (row + first).tolist(), col.tolist()
+            rows, cols = (row % self.n + first).tolist(), (col % self.n).tolist()
             pattern += ca.Sparsity.triplet(f, f, rows + cols, cols + rows)
         lower = pattern.ldl()[0]
         return float(np.sum((np.diff(lower.colind()) + 1) ** 2)) * 6 / (f * (f + 1) * (2 * f + 1))
@@ -229,10 +231,10 @@ class Laws:
     def derivatives(self) -> Derivatives:
         """Symbolic first and second derivatives of L and the constraint Jacobian."""
         s = self.symbols
-        n = self.n
+        n = s.q.numel()
         H, g = ca.hessian(self.L, stack(s.q, s.v))
-        H = ca.triu(H) if n > 1 else H
-        G = ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n)
+        H = ca.triu(H) if H.numel() > 4 else H
+        G = ca.jacobian(self.f, self.place) if self.m else ca.SX(0, self.n)
         return Derivatives(g[:n], g[n:], H[:n, :n], H[:n, n:], H[n:, n:], G)
 
     def pointwise(self, name: str) -> Pointwise:
@@ -289,20 +291,20 @@ class Laws:
 
     def _build_constraint(self):
         s = self.symbols
-        return [s.q, s.t, s.p], [self.f]
+        return [self.place, s.t, s.p], [self.f]
 
     def _build_constraint_jacobian(self):
         s = self.symbols
-        return [s.q, s.t, s.p], [self.derivatives.G, self.f]  # as a rule both are wanted
+        return [self.place, s.t, s.p], [self.derivatives.G, self.f]  # as a rule both are wanted
 
     def _build_constraint_rate(self):
         s = self.symbols
-        return [s.q, s.t, s.p], [_dense(ca.jacobian(self.f, s.t))]
+        return [self.place, s.t, s.p], [_dense(ca.jacobian(self.f, s.t))]
 
     def _build_normal_rate(self):
         s = self.symbols
         lam = ca.SX.sym("lam", self.m)
-        return [s.q, lam, s.t, s.p], [_dense(ca.jtimes(self.derivatives.G.T @ lam, s.t, 1))]
+        return [self.place, lam, s.t, s.p], [_dense(ca.jtimes(self.derivatives.G.T @ lam, s.t, 1))]
 
     def _build_meeting(self):
         s = self.symbols
@@ -315,8 +317,8 @@ class Laws:
     def _build_constraint_curvature(self):
         s = self.symbols
         lam = ca.SX.sym("lam", self.m)
-        curvature, _ = ca.hessian(ca.dot(lam, self.f), s.q)
-        return [s.q, lam, s.t, s.p], [ca.triu(curvature)]
+        curvature, _ = ca.hessian(ca.dot(lam, self.f), self.place)
+        return [self.place, lam, s.t, s.p], [ca.triu(curvature)]
 
     def _build_energy(self):
         return self._arguments, [ca.dot(self.symbols.v, self.derivatives.Lv) - self.L]
@@ -342,6 +344,12 @@ class Laws:
         bias = L_q + Q - L_vq v - L_vt and gamma = d/dt (G v + f_t), the time derivatives of L_v and
         twice of f less their acceleration terms.
         """
+        if self.order > 1:
+            raise ValueError(
+                "expected a Lagrangian of coordinates and velocities where accelerations follow "
+                "from these, found one that contains accelerations itself; solve a problem of it, "
+                "and compare its solution with motion"
+            )
         s, d = self.symbols, self.derivatives
         place, rate = stack(s.q, s.t), stack(s.v, ca.SX(1))
 

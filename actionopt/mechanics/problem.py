@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.course import check_course, take_turns
+from actionopt.mechanics.course import check_course, check_rates, take_turns
 from actionopt.mechanics.events import Event, Periodic, Tail
 from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants
@@ -127,7 +127,7 @@ class Problem:
         names = self.system.coordinates
         for role, event in (("start", self.start), ("end", self.end)):
             if isinstance(event, Event) and event.q is None:
-                object.__setattr__(self, role, Event(event.t, [None] * len(names), on=event.on))
+                object.__setattr__(self, role, event._replace(q=[None] * len(names)))
         if isinstance(self.end, Periodic) and isinstance(self.start, Event):
             object.__setattr__(self, "end", self.end.after(self.start, names))
         for role, event in (("start", self.start), ("end", self.end)):
@@ -160,6 +160,8 @@ class Problem:
                 f"whose square and its inverse are within the range of numbers, found "
                 f"{self.duration:g}; measure time in another unit"
             )
+        if self.system.order > 1 or any(e.rates for e in (self.start, self.end)):
+            check_rates(self, (self.start, self.end))
         if on_surface:
             _check_surfaces(self)
         if self.system.m:
@@ -214,7 +216,7 @@ class Problem:
     def __reduce__(self) -> tuple:
         """Ask it anew: what follows from it is made where it is needed."""
         if self.asked is not None:
-            if self.through or self.integral is not None:
+            if self.asked.is_joined:
                 q = [e.q for e in self.joints_found]
                 return _found_at, (self.asked, [e.t for e in self.joints_found], q, self.kappa)
             q = np.array([self.start.q, self.end.q]) if self.asked.on_surface else None
@@ -365,7 +367,7 @@ class Problem:
         ends = [self.start.at(t0), self.end.at(t1)]
         if q is not None:
             pairs = zip(ends, q, strict=True)
-            ends = [e if e.on is None else Event(e.t, row) for e, row in pairs]
+            ends = [e if e.on is None else e._replace(q=row, on=None) for e, row in pairs]
         problem = Problem(self.system, *ends, parameters=self.parameters)
         object.__setattr__(problem, "asked", self)
         object.__setattr__(problem, "energy", self.energy)
@@ -405,10 +407,11 @@ class Problem:
         """Whether times or places of events of a course are to be found, or multipliers."""
         if self.integral is not None and self.asked is None:
             return True
+        outer = self.free_time or self.on_surface
         if not self.through:
-            return False
+            return outer and self.system.order > 1
         inner = any(e.t is None or e.on is not None for e in self.through)
-        return inner or self.free_time or self.on_surface
+        return inner or outer
 
     @property
     def has_free_boundary(self) -> bool:
@@ -570,7 +573,7 @@ class Problem:
     def _motion(self) -> tuple[Array, Array | None]:
         """`lengths` and `origin`."""
         scales = self.scales
-        if self.through:
+        if self.through or self.system.order > 1:
             return scales, None
         pairs = list(zip(self.start.near, self.end.near, strict=True))
         near = [_close(a, b) for a, b in pairs]
@@ -613,7 +616,8 @@ class Problem:
         q = np.array([[0.0 if x is None else x for x in e.near] for e in (self.start, self.end)])
         second = self.system.pointwise("second")
         v = (q[1:] - q[:1]) / self.duration
-        values = second(q[:1], v, np.array([[self.start.t]]), self.packed)[2][0]
+        state = first_state(self.system, q[:1], v)
+        values = second(*state, np.array([[self.start.t]]), self.packed)[2][0]
         return diagonal(self.system, 2, values[None])[0]
 
 
@@ -749,10 +753,18 @@ def _check_surfaces(problem: Problem) -> None:
             )
 
 
+def first_state(system: System, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return what functions of a system take in place of q and v, (K, n), at constant rates."""
+    if system.order == 1:
+        return q, v
+    rest = np.zeros((len(q), (system.order - 2) * system.n))
+    return np.concatenate([q, v, rest], axis=1), np.zeros_like(v)
+
+
 def diagonal(system: System, output: int, values: Array) -> Array:
     """Return the magnitudes (K, n) on the diagonal of L_qq (0) or L_vv (2) with these nonzeros."""
     rows, cols = system.pointwise("second").sparsity(output)
-    found, on = np.zeros((len(values), system.n)), rows == cols
+    found, on = np.zeros((len(values), system.n)), (rows == cols) & (rows < system.n)
     found[:, rows[on]] = np.abs(values[:, on])
     return found
 

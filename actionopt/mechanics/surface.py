@@ -52,11 +52,11 @@ class Surface:
         Raises ValueError if it cannot be traced, or returns nothing.
         """
         s = system.symbols
-        state = {"q": Expressions(s.q, 1), "t": Expressions(s.t, 0)}
+        state = {"q": Expressions(system.place, 1), "t": Expressions(s.t, 0)}
         rows = surface(call(on, "on", state, system.table.by_name(s.p))[0], "on")
         if not rows.numel():
             raise ValueError("expected on to return an expression or a sequence of them, found []")
-        return cls(ca.Function("on", [s.q, s.t, s.p], [rows]), dict(system.table.shapes))
+        return cls(ca.Function("on", [system.place, s.t, s.p], [rows]), dict(system.table.shapes))
 
     def __reduce__(self) -> tuple:
         """Carry the law; its derivatives are made where they are needed."""

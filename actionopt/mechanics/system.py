@@ -24,15 +24,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import GENERIC, general_states, negligible, remainder, vanishes
 from actionopt.mechanics.laws import Laws, Once
 from actionopt.mechanics.tracing import (
+    STATE,
     ParameterTable,
     Symbols,
     call,
     column,
+    order_of,
     scalar,
+    stack,
     suggestion,
     surface,
 )
@@ -65,7 +67,9 @@ class System(Laws):
     ----------
     lagrangian : callable
         `lagrangian(q, v, t, *, ...)` with q and v of shape (n,), written with arithmetic and
-        numpy or CasADi functions; `x, y = q` unpacks. Parameters are named keyword-only.
+        numpy or CasADi functions; `x, y = q` unpacks. Parameters are named keyword-only. With
+        four arguments, `lagrangian(q, v, a, t, *, ...)`, it contains accelerations a (n,), with
+        five also their rates, the jerk j, with six those of these (`order`).
     coordinates : sequence of str
         Names of the n generalized coordinates.
     parameters : mapping of str to number or array, optional
@@ -301,12 +305,14 @@ class System(Laws):
                     f"expected parameters of other names than {own!r}, found it: a problem puts "
                     f"{what} there; choose another name"
                 )
-        n, symbols = len(names_of), _symbols(len(names_of), table)
-        Q, V, T = Expressions(symbols.q, 1), Expressions(symbols.v, 1), Expressions(symbols.t, 0)
-        named = table.by_name(symbols.p)
-        state = {"q": Q, "v": V} if role == "length" else {"q": Q, "v": V, "t": T}
-        given, used = call(law, role, state, named)
+        order = order_of(law) if role == "lagrangian" else 1
+        n, symbols = len(names_of), _symbols(len(names_of), table, order)
+        state, named = symbols.state(), table.by_name(symbols.p)
+        Q, V, T = state["q"], state["v"], state["t"]
+        given, used = call(law, role, {"q": Q, "v": V} if role == "length" else state, named)
         L = scalar(given, role)
+        if order > 1:
+            _check_parts(constraint, obstacle)
         constraints = forces = ca.SX(0, 1)
         if constraint is not None:
             given, names = call(constraint, "constraint", {"q": Q, "t": T}, named)
@@ -332,7 +338,8 @@ class System(Laws):
                     "with forces no functional is stationary, and what contact does to given "
                     "integrals is not known; leave one of both out"
                 )
-            given, names = call(integral, "integral", {"q": Q, "v": V, "t": T}, named)
+            taken = {"q": Q, "v": V, "t": T} if order_of(integral) < order else state
+            given, names = call(integral, "integral", taken, named)
             integrands, used = column(given, "integral"), used | names
         unused = [key for key in table.defaults if key not in used]
         if unused:
@@ -468,7 +475,7 @@ class System(Laws):
         table = ParameterTable({**self.table.defaults, **more})
 
         def build() -> System:
-            symbols, system = _symbols(self.n, table), object.__new__(System)
+            symbols, system = _symbols(self.n, table, self.order), object.__new__(System)
             packed = symbols.p[: self.symbols.p.numel()]  # they come behind
             laws = self._law.call([symbols.q, symbols.v, symbols.t, packed])
             known = tuple(laws[:5]), self.coordinates, table, self.name, self.source
@@ -486,7 +493,7 @@ class System(Laws):
         if not self.g.numel():
             return self
         table = ParameterTable({**self.table.defaults, MULTIPLIERS: np.zeros(self.g.numel())})
-        symbols, system = _symbols(self.n, table), object.__new__(System)
+        symbols, system = _symbols(self.n, table, self.order), object.__new__(System)
         packed = symbols.p[: self.symbols.p.numel()]
         L, f, Q, outside, g = self._law.call([symbols.q, symbols.v, symbols.t, packed])[:5]
         kappa = symbols.p[self.symbols.p.numel() :]
@@ -512,7 +519,7 @@ class System(Laws):
         first, table = systems[0], ParameterTable(parameters)
 
         def build() -> System:
-            symbols, system = _symbols(first.n, table), object.__new__(System)
+            symbols, system = _symbols(first.n, table, first.order), object.__new__(System)
             sizes = np.cumsum([0, *(math.prod(shape) for shape in table.shapes.values())])
             columns = [symbols.p[a:b] for a, b in pairwise(sizes.tolist())]
             named = dict(zip(table.shapes, columns, strict=True))
@@ -535,11 +542,24 @@ class System(Laws):
         return hashlib.sha256(repr(said).encode()).hexdigest()
 
     def check_free(self, what: str) -> None:
-        """Raise ValueError if there is an obstacle, saying `what` does not know it."""
+        """Raise ValueError if there is an obstacle, saying `what` does not know it.
+
+        Nor does it know accelerations in L.
+        """
+        self.check_order("this answer")
         if self.r:
             raise ValueError(
                 f"expected a system without an obstacle, found one with: {what}; leave it out "
                 "where nothing touches it, or have a constraint instead where something does"
+            )
+
+    def check_order(self, what: str) -> None:
+        """Raise ValueError if L contains accelerations, saying `what` does not know them."""
+        if self.order > 1:
+            raise ValueError(
+                "expected a Lagrangian of coordinates and velocities, found one that contains "
+                f"{'accelerations' if self.order == 2 else 'higher derivatives'}: {what} is not "
+                "known of it; see solution.momentum, energy, morse_index, sensitivity and compare"
             )
 
     # -- what is known without numbers ---------------------------------------------------
@@ -553,6 +573,8 @@ class System(Laws):
         `symmetry.is_mechanical` takes T itself.
         """
         s, d = self.symbols, self.derivatives
+        if self.order > 1:
+            return False
         M = d.Lvv + ca.triu(d.Lvv, False).T
         euler = ca.horzcat(*[M[:, i] * s.v[i] for i in range(self.n)], -d.Lv)
         packed = self.table.pack(self.parameters)
@@ -561,6 +583,8 @@ class System(Laws):
     @property
     def is_homogeneous(self) -> bool:
         """Whether L(q, s v) = s L(q, v) for s > 0: a length, which knows no time."""
+        if self.order > 1:
+            return False
         with suppress(ValueError):  # finite nowhere where it is tried
             return _doubles(*self._at_twice_speed("value"))
         return False
@@ -762,6 +786,7 @@ class System(Laws):
 
         Without v where it is `NO_VELOCITY`. Raises ValueError for shapes that do not fit.
         """
+        self.check_order("a value at one q, v and t")
         columns, single = _as_columns(q, self.n, "q")
         arguments = [columns.T]
         if v is not NO_VELOCITY:
@@ -812,9 +837,10 @@ def _load(digest: str, derived: list[str], version: str, state: bytes) -> System
             ) from error
         if system is None:
             system, table = object.__new__(System), ParameterTable(defaults)
-            symbols = _symbols(len(coordinates), table)
-            arguments = [symbols.q, symbols.v, symbols.t, symbols.p]
-            laws = ca.Function.deserialize(law).call(arguments)
+            known = ca.Function.deserialize(law)
+            order = known.numel_in(0) // len(coordinates)
+            symbols = _symbols(len(coordinates), table, order)
+            laws = known.call([symbols.q, symbols.v, symbols.t, symbols.p])
             known = tuple(laws[:5]), coordinates, table, name, source
             system._set(symbols, *known, loaded=True, F=laws[5] if len(laws) > 5 else None)
             _KNOWN[digest] = system
@@ -848,9 +874,22 @@ def _square(F: ca.SX) -> ca.SX:
     return ca.SX.unary(ca.OP_SQ, F)
 
 
-def _symbols(n: int, table: ParameterTable) -> Symbols:
-    """Return the symbols in which the law of n coordinates is written."""
-    return Symbols(ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t"), table.symbols())
+def _symbols(n: int, table: ParameterTable, order: int = 1) -> Symbols:
+    """Return the symbols in which the law of n coordinates is written, of an order."""
+    *below, highest = (ca.SX.sym(name, n) for name in STATE[: order + 1])
+    q = below[0] if order == 1 else stack(*below)
+    return Symbols(q, highest, ca.SX.sym("t"), table.symbols())
+
+
+def _check_parts(constraint: Any, obstacle: Any) -> None:
+    """Raise ValueError for what does not go with accelerations in a Lagrangian."""
+    kind = "a constraint" if constraint is not None else "an obstacle"
+    if constraint is not None or obstacle is not None:
+        raise ValueError(
+            f"expected neither constraints nor obstacles beside a Lagrangian with accelerations, "
+            f"found {kind}: how bodies are held to it there is not known; use coordinates that "
+            "need none"
+        )
 
 
 def _place(law: Callable[..., Any]) -> str:

@@ -23,8 +23,11 @@ from actionopt.tools.types import Array
 USUAL = {
     "q": ("q", "x", "r", "pos", "position", "coordinates"),
     "v": ("v", "qdot", "q_dot", "dq", "qd", "xdot", "x_dot", "dx", "vel", "velocity", "velocities"),
+    "a": ("a", "acc", "acceleration", "accelerations", "qddot", "q_ddot", "ddq", "xddot", "ddx"),
+    "j": ("j", "jerk"),
     "t": ("t", "time"),
 }
+STATE = ("q", "v", "a", "j", "s")  # coordinates and their derivatives, as a Lagrangian names them
 RATE_NAME = re.compile(r"^(?:d(\w+?)(?:_?dt)?|(\w+?)_?(?:dot|prime))$")
 STARRED = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
 # At how many times the forces along a path are sampled before it is a solution, by how narrow a
@@ -38,12 +41,23 @@ COMPARISONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.
 
 @dataclass(frozen=True, eq=False)
 class Symbols:
-    """The arguments of every traced expression: q, v, t and the parameters packed in one column."""
+    """The arguments of every traced expression: q, v, t and the parameters packed in one column.
+
+    Of a law of higher order q holds the coordinates and all their derivatives but the highest, one
+    after the other, (order n,), and v the highest, (n,).
+    """
 
     q: ca.SX
     v: ca.SX
     t: ca.SX
     p: ca.SX
+
+    def state(self) -> dict[str, Expressions]:
+        """Return what the user's callables receive, by name: q, v and so on, and t."""
+        n = self.v.numel()
+        rows = [*ca.vertsplit(self.q, n), self.v]
+        found = {name: Expressions(x, 1) for name, x in zip(STATE, rows, strict=False)}
+        return found | {"t": Expressions(self.t, 0)}
 
 
 class Values(dict[str, Array]):
@@ -208,6 +222,29 @@ def parameter_names(
     return [*names, "**"] if any(p.kind is kinds.VAR_KEYWORD for p in parameters) else names
 
 
+def order_of(callable_: Callable[..., Any]) -> int:
+    """Return the highest derivative that a law takes, by how many arguments it has before t.
+
+    L(q, v, t) takes one, L(q, v, a, t) two. What cannot be told is of order one.
+    """
+    if type(callable_) is FunctionType and not vars(callable_):
+        code, defaults = callable_.__code__, len(callable_.__defaults__ or ())
+        names = list(code.co_varnames[: code.co_argcount - defaults])
+    else:
+        try:
+            parameters = inspect.signature(callable_).parameters.values()
+        except (TypeError, ValueError):
+            return 1
+        kinds, none = inspect.Parameter, inspect.Parameter.empty
+        ahead = kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD
+        names = [p.name for p in parameters if p.kind in ahead and p.default is none]
+    order = len(names) - 2
+    # Parameters that stand behind the time without a * are to be told that.
+    if not 2 <= order < len(STATE) or "t" in [_likely_meaning(name) for name in names[2:-1]]:
+        return 1
+    return order
+
+
 def _check_order(role: str, positional: Sequence[str], given: Sequence[str]) -> None:
     """Raise ValueError where the names of the arguments are clearly in another order.
 
@@ -228,7 +265,7 @@ def _check_order(role: str, positional: Sequence[str], given: Sequence[str]) -> 
 
 
 def _likely_meaning(name: str) -> str:
-    """Return which argument a name stands for as a rule, q, v or t; nothing of most names."""
+    """Return which argument a name stands for as a rule: q, v, a, j, t; nothing of most names."""
     return next((x for x, usual in USUAL.items() if name.lower() in usual), "")
 
 
@@ -290,7 +327,7 @@ def _missing(error: OutOfRange, arguments: Mapping[str, Any], parameters: Mappin
             continue
         if value.ndim != 1:
             there = f"{name} of shape {value.shape}"
-        elif name in ("q", "v") and name in arguments:
+        elif name in STATE and name in arguments:
             there = f"{len(value)} coordinate{'s' if len(value) > 1 else ''}"
         else:
             there = f"parameter {name!r} of length {len(value)}"

@@ -66,6 +66,8 @@ def equations(system: Laws, table: ParameterTable) -> list[str]:
     >>> equations(pendulum, pendulum.table)
     ["l theta'' = -g sin theta"]
     """
+    if system.order > 1:
+        raise ValueError("expected a law of first order to be written, found one of a higher order")
     s, n, m = system.symbols, system.n, system.m
     a, multipliers = ca.SX.sym("a", n), ca.SX.sym("lamda", m)
     p = ca.gradient(system.L, s.v)

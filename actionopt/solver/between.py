@@ -122,7 +122,7 @@ def _find_smooth(
 ) -> Status:
     """Find a path that crosses no jump of L."""
     ws, problem = search.ws, search.ws.problem
-    steps, jump = problem.system.switches, None
+    steps, jump = problem.system.switches if problem.system.order == 1 else None, None
     if steps is not None:
         first = _first(problem, curve_of)
         jump = first_crossing(steps, problem, first.path)

@@ -276,6 +276,8 @@ class Iterate(DiscretePath):
 
         Only where the mesh has been refined out of proportion.
         """
+        if self.tr.order > 1:
+            return False
         mesh, duration = self.mesh, self.problem.duration
         shortest = mesh.lengths.min() / duration
         if shortest > SHORT_ELEMENT:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import first_state
 from actionopt.mechanics.system import System
 from actionopt.tools.types import RANK, Array
 
@@ -59,7 +60,8 @@ def check(tr: Transcription, Q: Array) -> None:
     # Generic velocities: a mass matrix such as that of v^4 is singular at rest only.
     rates = tr.lengths / problem.duration
     v = rates * (1 + 0.5 * np.cos(np.arange(q.size).reshape(q.shape)))
-    M = second.full(2, second(q, v, t, problem.packed)[2], symmetric=True)
+    state = first_state(system, q, v)
+    M = second.full(2, second(*state, t, problem.packed)[2], symmetric=True)
     M = M * tr.lengths[:, None] * tr.lengths
     finite = np.isfinite(M).all(axis=(1, 2))
     if not finite.any():
@@ -81,8 +83,8 @@ def check(tr: Transcription, Q: Array) -> None:
 
 def _check_finite(tr: Transcription, Q: Array) -> None:
     """Raise ValueError if L is finite nowhere along the path with node coordinates Q (K, n)."""
-    at, problem = Q[tr.layout.node_of], tr.problem
-    L = problem.system.pointwise("first")(at, tr.velocities(at), tr.times, problem.packed)[2]
+    (at, v), problem = tr.state_of(Q), tr.problem
+    L = problem.system.pointwise("first")(at, v, tr.times, problem.packed)[2]
     if not np.isfinite(L).any():
         raise ValueError(
             "expected a Lagrangian that is finite along the first path, found NaN or infinity at "
@@ -103,7 +105,8 @@ def _check_events(tr: Transcription, Q: Array) -> None:
     def nonfinite(q: Array, t: float) -> str:
         """Return what is not finite there at any velocity, if anything is."""
         at = np.repeat(q[None], CHECKED_VELOCITIES, axis=0)
-        state = at, v, np.full((CHECKED_VELOCITIES, 1), t), problem.packed
+        known = first_state(problem.system, at, v)
+        state = *known, np.full((CHECKED_VELOCITIES, 1), t), problem.packed
         values = first(*state)[::-1] + (force(*state) if force else [])
         finite = [np.isfinite(x).all(axis=1) for x in values]
         if np.logical_and.reduce(finite).any():

@@ -226,6 +226,7 @@ def dwelling(problem: Problem, guess: Guess | None, choices: Choices, found: Fou
         choices.mesh is not None
         or choices.strategies not in (STRATEGIES, IPOPT)
         or problem.system.r
+        or problem.system.order > 1
     ):
         return found
     if not (solution.status in DWELT or _is_at_rest(solution)):

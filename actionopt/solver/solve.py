@@ -90,6 +90,8 @@ def solve(
     check_problem(problem)
     if not among(method, BY_METHOD):
         raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
+    if method == "ipopt":
+        problem.system.check_order("method 'ipopt'")
     if not isinstance(throw, (bool, np.bool_)):
         raise ValueError(f"expected throw=True or throw=False, found {throw!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)

@@ -291,8 +291,9 @@ class TwoSidedShooting(Strategy):
 
 def plain(problem: Problem) -> bool:
     """Whether all coordinates are given at both events, and nothing constrains them."""
-    n = problem.system.n
-    return len(problem.start.pinned) == n == len(problem.end.pinned) and problem.system.m == 0
+    n, first_order = problem.system.n, problem.system.order == 1
+    given = len(problem.start.pinned) == n == len(problem.end.pinned)
+    return given and problem.system.m == 0 and first_order
 
 
 class Root(Strategy):
@@ -678,13 +679,14 @@ class Search:
         self.begin("linear")
         mesh, free = self.given, self.given is None and curve_of is None
         steady = self.ws.problem.system.structure.steady
-        if free and steady:
+        planned = self.ws.problem.system.order == 1  # from rates at which motions turn and decay
+        if planned and free and steady:
             mesh = plan(self.ws.problem, self.tol, LINEAR)
         elif mesh is None:
-            mesh = self._uniform(LINEAR, self._fine_degree())
+            mesh = self._uniform(LINEAR if planned else 1, self._fine_degree())
             mesh = curve_of(mesh).mesh if curve_of is not None else mesh
         self.ws.transcribe(mesh, None)
-        if free and not steady:
+        if planned and free and not steady:
             mesh = plan_layers(self.ws.here.tr, self.ws.here.z)
             if mesh is not None:
                 self.ws.transcribe(mesh, None)

@@ -28,7 +28,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.course import sides
 from actionopt.mechanics.events import Bounce, Event
-from actionopt.mechanics.problem import Problem, diagonal
+from actionopt.mechanics.problem import Problem, diagonal, first_state
 from actionopt.mechanics.system import SWITCHES
 from actionopt.solver.arguments import Guess
 from actionopt.solver.family import may_be_family
@@ -296,8 +296,9 @@ def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
     farther away than on legs and events at once.
     """
     places = path(times).T
-    start, *through, end = (Event(t, q) for t, q in zip(times, places, strict=True))
     at = problem.found_at(times)
+    known = zip(at.joints_found, places, strict=True)
+    start, *through, end = (Event(e.t, q)._with_rates_of(e) for e, q in known)
     given = {name: x for name, x in at.parameters.items() if name != SWITCHES}
     fixed = Problem(at.question, start, end, parameters=given, through=through)  # type: ignore[arg-type]
     first = DiscretePath.of(fixed, path)
@@ -383,13 +384,14 @@ def _durations(problem: Problem, q: Array) -> Array:
     t = np.array(
         [(a.t + b.t) / 2 for a, b in zip(at.joints_found[:-1], at.joints_found[1:], strict=True)]
     )
-    arguments = middle, way, t[:, None], at.packed
+    arguments = *first_state(at.system, middle, way), t[:, None], at.packed
     with np.errstate(all="ignore"):
         second = at.system.pointwise("second")(*arguments)[2]
         length = np.sqrt(np.sum(diagonal(at.system, 2, second) * way**2, axis=1))
         speed = np.ones(length.size)
         if problem.energy is not None:
-            still = at.system.pointwise("value")(middle, 0 * way, t[:, None], at.packed)[0][:, 0]
+            rest = first_state(at.system, middle, 0 * way)
+            still = at.system.pointwise("value")(*rest, t[:, None], at.packed)[0][:, 0]
             speed = np.sqrt(2 * np.abs(problem.energy + still))
         found = length / speed
     typical = found[np.isfinite(found) & (found > 0)]
@@ -453,7 +455,7 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
         times = _fill(given, np.diff(on_curve))
     mesh = polygon(np.zeros((len(times), n)), times).mesh
     if problem.integral is not None:
-        mesh = wave_mesh(times, GUESS_ELEMENTS)
+        mesh = wave_mesh(times, problem.system.order, GUESS_ELEMENTS)
     s = np.interp(mesh.nodes, times, on_curve)
     return Path(mesh, np.asarray(curve(s), dtype=float).reshape(n, -1)), times
 

@@ -21,6 +21,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import Move, moves_of, over, times_of
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.element import with_degrees
 from actionopt.discrete.factors import full
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import is_roundoff
@@ -109,6 +110,7 @@ class Unfixed(Workspace[UnfixedPath]):
     def _around(self, path: Path, lam: Array | None, problem: Problem | None = None) -> UnfixedPath:
         """Return a path on its own mesh, with the equations whose phases are set near it."""
         problem = problem or self.problem
+        path = path.on(with_degrees(path.mesh, problem.system.order))
         with self.record.clock("assemble"):
             size, lengths = coordinate_scales(self._at_times(problem, path), path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
@@ -152,6 +154,7 @@ class Unfixed(Workspace[UnfixedPath]):
 
     def _with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch over its times."""
+        mesh = with_degrees(mesh, self.problem.system.order)
         if self.problem.is_joined:
             return with_boundaries(mesh, self.here.problem.boundaries)
         if self.problem.system.clock is None:
@@ -197,6 +200,9 @@ class Unfixed(Workspace[UnfixedPath]):
         if self.problem.is_joined:
             Q = here.Q[here.tr.joints] if here.error < 1 else None
             problem = self.problem.found_at(times_of(here.problem), Q, self._kappa)
+            if here.tr.order > 1:  # derivatives are not read from values
+                tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
+                return problem, DiscretePath(tr, tr.pack_places(here.tr.place(here.x).places))
             return problem, DiscretePath.of(problem, here.path, here.rows)
         problem = over(self.problem, here.mesh.duration)
         if not self.problem.on_surface:

@@ -13,6 +13,7 @@ import numpy as np
 
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.element import with_degrees
 from actionopt.discrete.integrals import integrals
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach
@@ -43,7 +44,7 @@ def first_waves(
 
     One sine each in turn, up and down, then random sums of them, in units of `size` (n,).
     """
-    mesh, legs = wave_mesh(times), np.diff(times)
+    mesh, legs = wave_mesh(times, problem.system.order), np.diff(times)
     values, n = straight(mesh.nodes), problem.system.n
     at = problem.found_at(times)
     tr = Transcription(at, mesh, size)
@@ -70,13 +71,13 @@ def first_waves(
             yield DiscretePath(tr, found).path
 
 
-def wave_mesh(times: Array, elements: int = WAVE_ELEMENTS) -> Mesh:
-    """Return a mesh for waves between events at times (k + 2,)."""
+def wave_mesh(times: Array, order: int = 1, elements: int = WAVE_ELEMENTS) -> Mesh:
+    """Return a mesh for waves between events at times (k + 2,), for paths of an order."""
     legs = np.diff(times)
     parts = np.maximum(1, np.ceil(elements * legs / legs.sum()).astype(int))
     ends = zip(times[:-1], times[1:], parts, strict=True)
     b = [np.linspace(a, e, k, endpoint=False) for a, e, k in ends]
-    return Mesh(np.append(np.concatenate(b), times[-1]), WAVE_DEGREE)
+    return with_degrees(Mesh(np.append(np.concatenate(b), times[-1]), WAVE_DEGREE), order)
 
 
 def _continue(

@@ -12,6 +12,7 @@ import numpy as np
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.crossing import Jump, jump_or
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.element import with_degrees
 from actionopt.discrete.energy_balance import Balance, Imbalance, rounding
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.marquardt import settle
@@ -301,6 +302,8 @@ class Workspace(Generic[Place]):
     def _with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch, if it is not the user's."""
         instants = self.problem.boundaries
+        if self.refines:
+            mesh = with_degrees(mesh, self.problem.system.order)
         return with_boundaries(mesh, instants) if self.refines and instants else mesh
 
     def _attach(self, tr: Transcription) -> None:
@@ -322,7 +325,9 @@ class Workspace(Generic[Place]):
     # -- ways to move ----------------------------------------------------------------------------
 
     def find(self, principle: Principle) -> bool:
-        """Ask Ipopt for a path; False if it finds none."""
+        """Ask Ipopt for a path; False if it finds none, or L contains accelerations."""
+        if self.problem.system.order > 1:
+            return False
         started = perf_counter()
         with self.record.clock("solve"):
             attempt = find(self.here.tr, self.here.z, principle)
@@ -365,6 +370,8 @@ class Workspace(Generic[Place]):
 
     def settle(self) -> bool:
         """Go to the path near a rough one; if that fails, to where the equations hold best."""
+        if self.problem.system.order > 1:
+            return False
         with self.record.clock("solve"):
             result = settle(self.here.tr, self.here.z)
         self.here = self.here.moved(result.z)

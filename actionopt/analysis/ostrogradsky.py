@@ -1,0 +1,160 @@
+"""Momenta and energy along a path whose Lagrangian contains accelerations (Ostrogradsky).
+
+Each derivative q^(k) below the highest has a momentum of its own,
+
+    p_r = dL/dq^(r),    d(p_k)/dt = dL/dq^(k - 1) - p_(k - 1),    p_0 = 0,
+
+and H = sum p_k . q^(k) - L. Read from the highest derivatives of a polynomial they would lose
+digits with every derivative. From what the action changes by with the start they follow by
+integration (E. T. Whittaker, *A Treatise on the Analytical Dynamics* (4th ed. 1937), section 110).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.analysis.compare import Comparison, compare
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.mechanics.canonical import momenta_of, motion_of
+from actionopt.mechanics.events import Event, State
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import EPS, Array
+
+MOMENTA_STEPS = 20  # of Newton's method to the derivatives that belong to momenta; ad hoc
+
+
+def momenta(at: DiscretePath) -> Path:
+    """Return p_1, p_2, ... along a path without events between its ends, (order n, K) at nodes.
+
+    p_1 is that of q, p_2 that of v, and so on.
+    """
+    tr, n = at.tr, at.problem.system.n
+    place = tr.place(at.x)
+    by_place = at.problem.system.pointwise("first")(place.at, place.v, tr.times, at.problem.packed)[
+        0
+    ].copy()
+    if at.problem.system.structure.forced:
+        by_place[:, :n] += at.problem.system.pointwise("force")(
+            place.at, place.v, tr.times, at.problem.packed
+        )[0]
+    found = np.empty((tr.layout.node_count, tr.layout.width))
+    parts = {}
+    for k, g in enumerate(tr.layout.groups):
+        local = by_place[g.span].reshape(*g.nodes.shape, -1)
+        parts.update((e, (k, values)) for e, values in zip(g.elements.tolist(), local, strict=True))
+    p = tr.momenta(at.z)[0]
+    for e in range(tr.mesh.elements):
+        k, force = parts[e]
+        rule, nodes = tr.layout.groups[k].rule, slice(*tr.mesh.offsets[[e, e + 1]] + [0, 1])
+        below = np.zeros_like(force[:, :n])
+        for i in range(tr.order):
+            row = slice(i * n, (i + 1) * n)
+            rate = tr.half[e] * (force[:, row] - below)
+            below = found[nodes, row] = p[row] + rule.same.integrals(rate[None])[0][0]
+        p = found[nodes][-1]
+    return Path(tr.mesh, found.T)
+
+
+def energy(at: DiscretePath) -> Path:
+    """Return H along a path without events between its ends, (1, K) at nodes."""
+    place, layout, n = at.tr.place(at.x), at.tr.layout, at.problem.system.n
+    L = at.problem.system.pointwise("value")(place.at, place.v, at.tr.times, at.problem.packed)[0]
+    p = momenta(at).values.T[layout.node_of]
+    rates = np.concatenate([place.at[:, n:], place.v], axis=1)
+    found = np.empty(layout.node_count)
+    found[layout.node_of] = np.sum(p * rates, axis=1) - L[:, 0]
+    return Path(at.mesh, found[None])
+
+
+@dataclass(frozen=True, eq=False)
+class CanonicalPath:
+    """A path as one of the motion of order two (`mechanics.canonical`), to be compared with it.
+
+    Its highest derivatives are those that belong to its momenta.
+    """
+
+    at: DiscretePath
+    error: float
+
+    @property
+    def problem(self) -> Problem:
+        """Between what the path is at its ends."""
+        return self._problem
+
+    @cached_property
+    def _problem(self) -> Problem:
+        b = self.mesh.boundaries[[0, -1]]
+        ends = (Event(t, q) for t, q in zip(b, self(b).T, strict=True))
+        known = self.at.problem
+        return Problem(motion_of(known.system), *ends, parameters=known.parameters)
+
+    @property
+    def mesh(self) -> Mesh:
+        """That of the path."""
+        return self.at.mesh
+
+    @property
+    def start(self) -> State:
+        """Where the motion begins."""
+        t = self.mesh.boundaries[0]
+        return State(t, self(t), self.velocity(t))
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Return (q, a, ...), (order n, *t.shape)."""
+        return self._states(t)[0]
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """Return (v, j, ...), (order n, *t.shape)."""
+        return self._states(t)[1]
+
+    @cached_property
+    def _momenta(self) -> Path:
+        return momenta(self.at)
+
+    def _states(self, t: ArrayLike) -> tuple[Array, Array]:
+        """Return both: the derivatives from that of the Lagrangian's order on, by the momenta.
+
+        Newton's method, from those of the polynomials.
+        """
+        times = np.asarray(t, dtype=float)
+        flat, system, path = times.ravel(), self.at.problem.system, self.at.path
+        n, r = system.n, system.order
+        rates = [x.T for x in self.at.rates]
+        y = [path(flat), *(Path(self.mesh, x)(flat) for x in rates)]
+        y += [np.zeros_like(y[0])] * (r - 1)
+        known, wanted = np.array(y).transpose(2, 0, 1), self._momenta(flat).T  # (K, 2 r, n)
+        function, last = momenta_of(system), np.inf
+        for _ in range(MOMENTA_STEPS):
+            Y, W = (known[:, k::2].reshape(flat.size, -1) for k in (0, 1))
+            p, by = function(Y, W, flat[:, None], self.at.problem.packed)
+            by = by.reshape(flat.size, r * n, r * n).transpose(0, 2, 1)
+            step = np.linalg.solve(by, (wanted - p)[:, :, None])[:, :, 0].reshape(flat.size, r, n)
+            known[:, r:] += step
+            size = float((np.abs(step) / (np.abs(known[:, r:]).max() or 1.0)).max(initial=0.0))
+            if size < EPS or size >= last / 2:
+                break
+            last = size
+        shape = r * n, *times.shape
+        return known[:, 0::2].reshape(flat.size, -1).T.reshape(shape), known[:, 1::2].reshape(
+            flat.size, -1
+        ).T.reshape(shape)
+
+
+def compare_motion(at: DiscretePath, error: float) -> Comparison:
+    """Compare a path without events between its ends with forward integrations.
+
+    `error` is that of the path; the reference is of its coordinates alone.
+    """
+    n, path = at.problem.system.n, CanonicalPath(at, error)
+    found = compare(path)
+    if found.path is None:
+        return found
+    rates = found.path.velocities
+    rates = None if rates is None else rates[:n]
+    return replace(found, path=Path(found.path.mesh, found.path.values[:n], rates))

@@ -1,0 +1,81 @@
+"""The motion of a Lagrangian with accelerations, as one of first order in more coordinates.
+
+L(q, v, a, t) has equations of motion of order four, L_q - d(L_v - d(L_a)/dt)/dt = 0, and one with
+derivatives up to that of order r of order 2 r. With y_k the derivative k of q they are those of a
+second order for Y = (y_0, y_2, ...), whose rates are (y_1, y_3, ...): all that integrates a motion
+forwards knows them in that form. The momenta are Ostrogradsky's (E. T. Whittaker, *A Treatise on
+the Analytical Dynamics* (4th ed. 1937), section 110),
+
+    p_r = L_r,    p_k = L_k - d(p_(k + 1))/dt,    L_k = dL/dy_k.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import Symbols
+
+
+def motion_of(system: System) -> System:
+    """Return the system of the coordinates Y (order n,) that moves so; it has no action."""
+    return system.memoize("motion of order two", lambda: _motion_of(system))
+
+
+def momenta_of(system: System) -> Pointwise:
+    """Return the function of the momenta p_1, p_2, ... and how they change with y_r, y_(r + 1), ...
+
+    Of Y and its rates, (order n,) each, the time and the packed parameters.
+    """
+    return system.memoize("momenta", lambda: _momenta_of(system))
+
+
+def _symbols_of(system: System) -> tuple[Symbols, list[ca.SX]]:
+    """Return the symbols of Y and its rates, and y_0, y_1, ..., y_(2 r) in them."""
+    n, r, s = system.n, system.order, system.symbols
+    known = Symbols(ca.SX.sym("Y", r * n), ca.SX.sym("W", r * n), s.t, s.p)
+    below, rates = ca.vertsplit(known.q, n), ca.vertsplit(known.v, n)
+    y = [part for pair in zip(below, rates, strict=True) for part in pair]
+    return known, [*y, ca.SX.sym("y", n)]
+
+
+def _momenta(system: System, y: list[ca.SX]) -> list[ca.SX]:
+    """Return p_0, p_1, ..., p_r as expressions of y_0, y_1, ..., of which p_0 = 0 is the motion."""
+    n, r, s = system.n, system.order, system.symbols
+    slopes = ca.vertsplit(ca.gradient(system.L, ca.vertcat(s.q, s.v)), n)
+    state, now = ca.vertcat(s.q, s.v), ca.vertcat(*y[: r + 1])
+    slopes = [ca.substitute(slope, state, now) for slope in slopes]
+    found = [slopes[r]]
+    for slope in reversed(slopes[:r]):
+        place = ca.vertcat(*y[:-1], s.t)
+        found.insert(0, slope - ca.jtimes(found[0], place, ca.vertcat(*y[1:], 1)))
+    return found
+
+
+def _momenta_of(system: System) -> Pointwise:
+    s, y = _symbols_of(system)
+    p = ca.vertcat(*_momenta(system, y)[1:])
+    by = ca.jacobian(p, ca.vertcat(*y[system.order : -1]))
+    outputs = [ca.densify(p), ca.densify(by)]
+    return Pointwise(ca.Function("momenta", [s.q, s.v, s.t, s.p], outputs))
+
+
+def _motion_of(system: System) -> System:
+    n, r = system.n, system.order
+    s, y = _symbols_of(system)
+    equations = _momenta(system, y)[0]
+    if system.Q.numel():
+        state = ca.vertcat(system.symbols.q, system.symbols.v)
+        equations += ca.substitute(system.Q, state, ca.vertcat(*y[: r + 1]))
+    # They are linear in y_2r, by (-1)^r L_rr.
+    mass = -ca.jacobian(equations, y[-1])
+    bias = ca.substitute(equations, y[-1], ca.SX.zeros(n))
+    M = ca.diagcat(ca.SX.eye((r - 1) * n), mass)
+    found = object.__new__(System)
+    names = tuple(c + "''" * k for k in range(r) for c in system.coordinates)
+    laws = ca.SX(0), ca.SX(0, 1), ca.SX(0, 1)
+    found._set(s, laws, names, system.table, system.name, system.source)
+    right = ca.vertcat(*y[2:-1:2], bias)
+    vars(found)["motion"] = M, right, ca.SX(0, r * n), ca.SX(0, 1)
+    return found

@@ -1,0 +1,285 @@
+"""Lagrangians with accelerations: splines, beams, momenta, index, free times, integrals."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+from scipy.interpolate import CubicSpline, make_interp_spline
+
+import actionopt as ao
+from actionopt.discrete.element import element
+from actionopt.discrete.factors import full
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
+
+SPLINE = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"])
+MIXED = ao.System(
+    lambda q, v, a, t: (
+        (1 + q[0] ** 2 / 10) * a[0] ** 2 / 2
+        + v[0] * q[1] ** 2 * a[1]
+        + np.sin(q[0] * v[1])
+        + (1 + t) * a[1] ** 2 * (1 + v[0] ** 2)
+    ),
+    ["x", "y"],
+)
+
+
+def between(system, start, end, **more):
+    """Return the path between events given as (t, q, v)."""
+    events = [ao.Event(t, q, v=v) for t, q, v in (start, end)]
+    return ao.solve(ao.Problem(system, *events, **more), tol=1e-11)
+
+
+@pytest.mark.parametrize(("degree", "order"), [(3, 2), (8, 2), (5, 3), (14, 3), (9, 4)])
+def test_an_element_holds_all_polynomials_and_its_ends(degree, order):
+    shape = element(degree, order)
+    x = shape.rule.nodes
+    for k in range(order):  # what an unknown at an end is called, it is
+        for side, first in ((0, 0), (-1, degree + 1 - order)):
+            unit = np.zeros(degree + 1)
+            unit[first + k] = 1.0
+            found = [basis[side] @ unit for basis in shape.basis[:order]]
+            np.testing.assert_allclose(found, np.eye(order)[k], atol=1e-12)
+    # Any polynomial of the degree is one of theirs, and so are its derivatives.
+    rough = np.polynomial.Polynomial(np.cos(np.arange(degree + 1)))
+    unknowns = np.linalg.solve(shape.basis[0], rough(x))
+    for k, basis in enumerate(shape.basis):
+        wanted = rough.deriv(k)(x) if k else rough(x)
+        np.testing.assert_allclose(basis @ unknowns, wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_gradient_and_matrix_are_derivatives_of_the_action():
+    problem = ao.Problem(
+        MIXED, ao.Event(0.1, [0.2, 0.1], v=[0, None]), ao.Event(1, [1, 0.3], v=[0.3, -1])
+    )
+    tr = Transcription(problem, Mesh([0.1, 0.4, 0.7, 1], [5, 6, 5]), np.array([1.0, 2.0]))
+    z = np.random.default_rng(0).normal(size=tr.layout.size)
+    steps = 1e-6 * np.eye(z.size)
+    slope = [(tr.action(z + e) - tr.action(z - e)) / 2e-6 for e in steps]
+    gradient = tr.gradient(z)
+    np.testing.assert_allclose(gradient, slope, atol=1e-8 * np.abs(gradient).max())
+    bent = [(tr.gradient(z + e) - tr.gradient(z - e)) / 2e-6 for e in steps]
+    matrix = full(tr.layout, tr.kkt(z))
+    np.testing.assert_allclose(matrix, bent, atol=1e-8 * np.abs(matrix).max())
+
+
+def test_cubic_between_two_states():
+    path = between(SPLINE, (0, [0], [0]), (1, [1], [0]))
+    assert path.action == pytest.approx(6, abs=1e-12)
+    np.testing.assert_allclose(path.momenta, [[12, 6], [12, -6]], atol=1e-10)
+    t = np.linspace(0, 1, 9)
+    np.testing.assert_allclose(path(t)[0], 3 * t**2 - 2 * t**3, atol=1e-13)
+    np.testing.assert_allclose(path.velocity(t)[0], 6 * t - 6 * t**2, atol=1e-12)
+    np.testing.assert_allclose(path.acceleration(t)[0], 6 - 12 * t, atol=1e-10)
+    np.testing.assert_allclose(path.momentum(t), [12 + 0 * t, 6 - 12 * t], atol=1e-10)
+    np.testing.assert_allclose(path.energy(t), 18, atol=1e-10)
+    assert path.morse_index == 0
+    assert path.compare().agrees
+
+
+@pytest.mark.parametrize("ends", ["natural", "clamped"])
+def test_through_points_it_is_the_spline(ends):
+    rng = np.random.default_rng(3)
+    t = np.cumsum(rng.uniform(0.2, 1, 7))
+    points, rates = rng.normal(size=(7, 2)), rng.normal(size=(2, 2))
+    known = rates if ends == "clamped" else [None, None]
+    events = [ao.Event(x, q) for x, q in zip(t, points, strict=True)]
+    events[0], events[-1] = (
+        ao.Event(e.t, e.q, v=v) for e, v in zip((events[0], events[-1]), known, strict=True)
+    )
+    system = ao.System(lambda q, v, a, t: (a @ a) / 2, ["x", "y"])
+    path = ao.solve(ao.Problem(system, events[0], events[-1], through=events[1:-1]), tol=1e-11)
+    bc = ((1, rates[0]), (1, rates[1])) if ends == "clamped" else "natural"
+    spline = CubicSpline(t, points, bc_type=bc)
+    s = np.linspace(t[0], t[-1], 200)
+    np.testing.assert_allclose(path(s).T, spline(s), atol=1e-11)
+    np.testing.assert_allclose(path.velocity(s).T, spline(s, 1), atol=1e-9)
+    jumps = [spline(x - 1e-9, 3) - spline(x + 1e-9, 3) for x in t[1:-1]]  # p_1 = -d(a)/dt
+    np.testing.assert_allclose(path.impulses[:, :2], jumps, rtol=1e-7)
+    np.testing.assert_allclose(path.impulses[:, 2:], 0, atol=1e-9)
+    assert path.morse_index == 0
+    assert path.compare().agrees
+
+
+def test_a_velocity_that_is_given_on_the_way():
+    # Two cubics on their own: S = 2 (3 d^2 - 3 d (v0 + v1) h + (v0^2 + v0 v1 + v1^2) h^2) / h^3.
+    def action(d, v0, v1, h):
+        return 2 * (3 * d**2 - 3 * d * (v0 + v1) * h + (v0**2 + v0 * v1 + v1**2) * h**2) / h**3
+
+    path = between(SPLINE, (0, [0], [1]), (3, [2], [0]), through=[ao.Event(1, [1.5], v=[-0.5])])
+    assert path.action == pytest.approx(action(1.5, 1, -0.5, 1) + action(0.5, -0.5, 0, 2))
+    assert path.velocity(1.0)[0] == pytest.approx(-0.5, abs=1e-13)
+    assert abs(path.impulses[0, 1]) > 1  # a moment holds it
+
+
+def test_higher_orders():
+    t, points = np.array([0, 0.4, 1.0]), np.array([0, 0.7, 1.0])
+    jerk = ao.System(lambda q, v, a, j, t: j[0] ** 2 / 2, ["x"])
+    events = [ao.Event(x, [y]) for x, y in zip(t, points, strict=True)]
+    events[0], events[2] = (ao.Event(e.t, e.q, v=[0], a=[0]) for e in (events[0], events[2]))
+    path = ao.solve(ao.Problem(jerk, events[0], events[2], through=events[1:2]), tol=1e-11)
+    rest = [(1, 0.0), (2, 0.0)]
+    spline = make_interp_spline(t, points, k=5, bc_type=(rest, rest))
+    s = np.linspace(0, 1, 50)
+    np.testing.assert_allclose(path(s)[0], spline(s), atol=1e-12)
+    snap = ao.System(lambda q, v, a, j, s, t: s[0] ** 2 / 2, ["x"])
+    ends = (ao.Event(x, [x], v=[0], a=[0], j=[0]) for x in (0, 1))
+    path = ao.solve(ao.Problem(snap, *ends), tol=1e-11)
+    assert path(0.3)[0] == pytest.approx(35 * 0.3**4 - 84 * 0.3**5 + 70 * 0.3**6 - 20 * 0.3**7)
+    assert path.momenta[0].shape == (4,)
+
+
+def test_nonlinear_beam_against_collocation():
+    # Extended Fisher and Kolmogorov's equation with a load: g q'''' = q'' + q - q^3 + cos t.
+    g = 0.3
+    system = ao.System(
+        lambda q, v, a, t: (
+            g * a[0] ** 2 / 2 + v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 4 - np.cos(t) * q[0]
+        ),
+        ["x"],
+    )
+    path = between(system, (0, [0.2], [0.5]), (3, [-0.4], [None]))
+
+    def rates(t, y):
+        return np.array([y[1], y[2], y[3], (y[2] + y[0] - y[0] ** 3 + np.cos(t)) / g])
+
+    def ends(a, b):
+        return np.array([a[0] - 0.2, a[1] - 0.5, b[0] + 0.4, b[2]])
+
+    t = np.linspace(0, 3, 60)
+    first = np.zeros((4, 60))
+    first[0] = 0.2 - 0.2 * t
+    known = solve_bvp(rates, ends, t, first, tol=1e-10, max_nodes=20_000)
+    assert known.success
+    y = known.sol(t)
+    np.testing.assert_allclose(path(t), y[:1], atol=1e-9)
+    np.testing.assert_allclose(path.velocity(t), y[1:2], atol=1e-8)
+    np.testing.assert_allclose(path.acceleration(t), y[2:3], atol=1e-7)
+    np.testing.assert_allclose(path.momentum(t), [y[1] - g * y[3], g * y[2]], atol=1e-7)
+    np.testing.assert_allclose(path.momenta[1][1], 0, atol=1e-10)
+    assert path.compare().agrees
+
+
+@pytest.mark.parametrize("load", [30.0, 60.0, 100.0, 170.0, 250.0])
+def test_index_counts_the_buckling_loads_below(load):
+    # Clamped at both ends these are (2 k pi)^2, and (2 x)^2 of the roots x of tan x = x.
+    roots = [4.493409457909064, 7.725251836937707]
+    critical = sorted([(2 * k * math.pi) ** 2 for k in (1, 2)] + [(2 * x) ** 2 for x in roots])
+    system = ao.System(lambda q, v, a, t: a[0] ** 2 / 2 - load * v[0] ** 2 / 2, ["x"])
+    path = between(system, (0, [0.1], [0]), (1, [0], [0.3]))
+    assert path.morse_index == sum(x < load for x in critical)
+
+
+def test_time_that_is_found():
+    # T + 6 / T^3 is least at T^4 = 18.
+    system = ao.System(lambda q, v, a, t: a[0] ** 2 / 2 + 1, ["x"])
+    ends = ao.Event(0, [0], v=[0]), ao.Event(None, [1], v=[0])
+    path = ao.solve(ao.Problem(system, *ends, energy=0), tol=1e-11)
+    assert path.duration == pytest.approx(18**0.25, abs=1e-11)
+    np.testing.assert_allclose(path.energy([0, 1, 2]), 0, atol=1e-10)
+    assert path.morse_index == 0
+
+
+def test_waypoint_at_a_time_that_is_found_keeps_the_energy():
+    system = ao.System(lambda q, v, a, t: (a @ a) / 2, ["x", "y"])
+    problem = ao.Problem(
+        system,
+        ao.Event(0, [0, 0], v=[0, 0]),
+        ao.Event(2, [2, 0], v=[0, 0]),
+        through=[ao.Event(None, [1, 1])],
+    )
+    path = ao.solve(problem, tol=1e-11)
+    assert path.problem.through[0].t == pytest.approx(1, abs=1e-9)
+    np.testing.assert_allclose(path.energy_jumps, 0, atol=1e-7)
+    later = ao.Event(path.problem.through[0].t + 0.05, [1, 1])
+    assert ao.solve(problem.replace(through=[later])).action > path.action
+
+
+def test_a_beam_ends_on_a_line():
+    system = ao.System(lambda q, v, a, t: (a @ a) / 2, ["x", "y"])
+    start = ao.Event(0, [0, 0], v=[1, 0])
+    end = ao.Event(1, [None, None], on=lambda q, t: q[0] + q[1] - 2)
+    path = ao.solve(ao.Problem(system, start, end), tol=1e-11)
+    # It bends towards the line by what is missing, 1, along its normal: S = 3 d^2 / 2, d^2 = 1/2.
+    assert path.action == pytest.approx(0.75)
+    np.testing.assert_allclose(path(1.0), [1.5, 0.5], atol=1e-11)
+
+
+def test_buckling_modes_by_an_integral():
+    system = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], integral=lambda q, v, t: v[0] ** 2)
+    ends = (ao.Event(t, [0], v=[0]) for t in (0, 1))
+    path = ao.solve(ao.Problem(system, *ends, integral=1.0), tol=1e-10)
+    assert -2 * path.integral_multipliers[0] == pytest.approx(4 * math.pi**2)
+    assert path.morse_index == 0
+
+
+def test_sensitivity_against_differences():
+    system = ao.System(
+        lambda q, v, a, t, *, k: (
+            k * a[0] ** 2 / 2 + q[0] ** 4 / 4 - np.cos(t) * q[0] + v[0] * a[0] ** 2 / 5
+        ),
+        ["x"],
+        parameters={"k": 1.0},
+    )
+
+    def solve(z):
+        return between(system, (z[0], z[2:3], z[3:4]), (z[1], z[4:5], z[5:6]))
+
+    z, h = np.array([0.1, 1.3, 0.2, 0.3, 1.0, -0.5]), 1e-4
+    found = solve(z).sensitivity()
+    both = [[solve(z + sign * h * e) for e in np.eye(6)] for sign in (1, -1)]
+    slopes = [(a.action - b.action) / (2 * h) for a, b in zip(*both, strict=True)]
+    known = [found.t0, found.t1, *found.q0, *found.q1]
+    np.testing.assert_allclose(known, slopes, rtol=1e-6)
+    p = [[np.r_[-x.momenta[0], x.momenta[1]] for x in side[2:]] for side in both]
+    second = np.block([[found.q0q0, found.q0q1], [found.q0q1.T, found.q1q1]])
+    np.testing.assert_allclose(second, (np.array(p[0]) - p[1]) / (2 * h), rtol=1e-5, atol=1e-5)
+
+
+def test_forces_and_laws_of_legs():
+    pushed = ao.System(
+        lambda q, v, a, t: a[0] ** 2 / 2, ["x"], force=lambda q, v, t: [q[0] - 3 * v[0]]
+    )
+    path = between(pushed, (0, [1], [0]), (1, [1], [2]))
+    # q'''' + q - 3 q' = 0
+    roots = np.roots([1, 0, 0, -3, 1])
+    table = [roots**0, roots, np.exp(roots), roots * np.exp(roots)]
+    c = np.linalg.solve(np.array(table), [1, 0, 1, 2])
+    assert path(0.4)[0] == pytest.approx(float(np.real(np.exp(0.4 * roots) @ c)), abs=1e-11)
+    stiff = ao.System(lambda q, v, a, t: 2 * a[0] ** 2, ["x"])
+    ends = ao.Event(0, [0], v=[0]), ao.Event(2, [0], v=[0])
+    path = ao.solve(ao.Problem([stiff, SPLINE], *ends, through=[ao.Event(1, [1])]), tol=1e-11)
+    # Given v at the joint S = 4 (6 - 6 v + 2 v^2) + (6 + 6 v + 2 v^2): v = 18 / 20.
+    assert path.velocity(1.0)[0] == pytest.approx(0.9, abs=1e-11)
+    assert path.compare().agrees
+
+
+def test_it_travels():
+    path = between(SPLINE, (0, [0], [0]), (1, [1], [None]))
+    other = pickle.loads(pickle.dumps(path))
+    assert (other.path.values == path.path.values).all()
+    assert other.problem.start.rates == ((0.0,),)
+    assert other.morse_index == 0
+
+
+def test_what_is_refused_is_told():
+    first = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    with pytest.raises(ValueError, match="the motion decides it; leave it out"):
+        ao.Problem(first, ao.Event(0, [0], v=[1]), ao.Event(1, [0]))
+    with pytest.raises(ValueError, match="expected 1 values of v"):
+        ao.Problem(SPLINE, ao.Event(0, [0], v=[1, 2]), ao.Event(1, [0]))
+    with pytest.raises(ValueError, match="closed paths"):
+        ao.Problem(SPLINE, ao.Event(0, [0]), ao.Periodic(1.0))
+    with pytest.raises(ValueError, match="neither constraints nor obstacles"):
+        ao.System(lambda q, v, a, t: a[0] ** 2, ["x"], constraint=lambda q, t: q[0])
+    with pytest.raises(ValueError, match="put a \\* before the parameters"):
+        ao.System(lambda q, v, t, m: m * v[0] ** 2, ["x"], parameters={"m": 1.0})
+    with pytest.raises(ValueError, match="its arguments in this order"):
+        ao.System(lambda q, a, v, t: a[0] ** 2, ["x"])
+    path = between(SPLINE, (0, [0], [0]), (1, [1], [0]))
+    with pytest.raises(ValueError, match="found one that contains accelerations"):
+        ao.conjugate_points(path)
+    with pytest.raises(ValueError, match="elements of degree 3 at least"):
+        ao.solve(path.problem, mesh=ao.Mesh.uniform(0, 1, 4, 2))
