@@ -55,6 +55,16 @@ class Transcription(Action):
         p = self.velocities((self.coordinates(y) - rest)[layout.node_of]) @ mass
         return self.at_unknowns(self.add_work(np.zeros_like(p), p))
 
+    @cached_property
+    def kinetic_unit(self) -> Array:
+        """What each unknown is of the same inertia, (unknowns,), one for the least of them."""
+        if self.problem.system.n == 1:
+            return np.ones(self.layout.unknowns)
+        inertia = diagonal(self.problem.system, 2, self.inertia[None])[0] * self.lengths**2
+        largest = inertia.max()
+        inertia[inertia <= second_quadrature.MASSLESS * largest] = largest
+        return np.sqrt(largest / inertia)[self.layout.free % inertia.size]
+
     @property
     def _assembly(self):
         return assemble_blocks if self.layout.storage == "blocks" else assemble_sparse

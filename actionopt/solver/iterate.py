@@ -12,7 +12,6 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -23,9 +22,8 @@ from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import Followed
 from actionopt.discrete.resolution import Resolution, resolution
-from actionopt.discrete.second_quadrature import MASSLESS
 from actionopt.mechanics.laws import Structure
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem, diagonal
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem
 from actionopt.tools.types import Array
 
 # Ad hoc, in parts of the time: elements that only singularities need, and that they need first.
@@ -208,12 +206,11 @@ class Iterate(DiscretePath):
         7.6): 1 / |mu| or less, for the eigenvalue mu of the second variation that is nearest zero.
         """
         assert self.probed is not None
-        if not self.probe.size:
+        unit = self.tr.kinetic_unit
+        if not unit.size:
             return 0.0
-        unit = self._kinetic_unit
-        return float(
-            np.abs(self.probed[: unit.size] / unit).max() / np.abs(self.probe / unit).max()
-        )
+        begun = self.tr.layout.probe[: unit.size]
+        return float(np.abs(self.probed[: unit.size] / unit).max() / np.abs(begun).max())
 
     @property
     def probe(self) -> Array:
@@ -222,16 +219,7 @@ class Iterate(DiscretePath):
         As large in each coordinate, measured by the momentum: what hardly moves along the path has
         short units, and would have no part in it beside what is solved for.
         """
-        return self.tr.layout.probe[: self.tr.layout.unknowns] * self._kinetic_unit
-
-    @cached_property
-    def _kinetic_unit(self) -> Array:
-        """What each unknown is of the same inertia, (unknowns,), one for the least of them."""
-        tr = self.tr
-        inertia = diagonal(tr.problem.system, 2, tr.inertia[None])[0] * tr.lengths**2
-        known = inertia > MASSLESS * inertia.max()
-        unit = np.sqrt(inertia.max() / np.where(known, inertia, inertia.max()))
-        return unit[tr.layout.free % unit.size]
+        return self.tr.layout.probe[: self.tr.layout.unknowns] * self.tr.kinetic_unit
 
     def with_larger_noise(self) -> Self:
         """Return the same with the larger noise of two samples: one may be small by chance.
