@@ -102,6 +102,7 @@ class Action:
         like: Action | ActionUnits | None = None,
     ) -> None:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
+        self.order = problem.system.order  # that of the highest derivative in the Lagrangian
         self.nodal = terms(problem, mesh) if problem.has_tails else ()
         nodal = tuple(term.node for term in self.nodal)
         if problem.on_surface or problem.through:
@@ -162,11 +163,6 @@ class Action:
             given = event.q if self.order == 1 else event.places(self.order)
             ends[k] = [0.0 if x is None else x for x in given]
         return ends
-
-    @property
-    def order(self) -> int:
-        """That of the highest derivative in the Lagrangian."""
-        return self.problem.system.order
 
     @cached_property
     def joints(self) -> NDInt:
