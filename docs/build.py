@@ -66,6 +66,8 @@ def examples(folder: Path) -> None:
 def sources(folder: Path) -> None:
     """Put all pages into a folder: those of `docs`, of the repository, and those that are made."""
     shutil.copytree(DOCS, folder, ignore=shutil.ignore_patterns("*.py", "*.json*", "__pycache__"))
+    theory = folder / "theory.md"
+    theory.write_text(theory.read_text().replace("](../CONTRIBUTING.md)", "](contributing.md)"))
     for name in ("README", "CONTRIBUTING", "CHANGELOG"):
         text = (TOP / f"{name}.md").read_text(encoding="utf-8").replace("](docs/", "](")
         text = text.replace("](CONTRIBUTING.md)", "](contributing.md)")

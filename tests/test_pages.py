@@ -15,7 +15,10 @@ DOCS = TOP / "docs"
 PAGES = sorted([*TOP.glob("*.md"), *DOCS.rglob("*.md"), *DOCS.rglob("*.html")])
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(TOP)))
+# Links of the site's first page lead to what is made with the site: its build fails on dead ones.
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if p != DOCS / "index.md"], ids=lambda p: str(p.relative_to(TOP))
+)
 def test_links_lead_to_files_that_are_there(page):
     text = re.sub(r"```.*?```|`[^`]*`", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     for link in re.findall(r'\]\(([^)\s]+)\)|(?:src|href)="([^"]+)"', text):

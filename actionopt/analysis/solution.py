@@ -616,7 +616,8 @@ class Solution:
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
-        self.problem.system.check_order("a file of a solution (it can be pickled)")
+        if isinstance(self.problem, Problem):  # what was loaded from a file alone has no system
+            self.problem.system.check_order("a file of a solution (it can be pickled)")
         save(
             file,
             self.problem,

@@ -26,8 +26,8 @@ def integrals_by_times(at: DiscretePath) -> Array:
     """Return how they change with the times of the events, (c, k + 2), as the action does."""
     times = by_joints(at)
     g, by_q, by_v, by_t = _at_nodes(at)
-    by = np.concatenate([by_q, by_v], axis=2)
-    return np.array([times.sums(g[:, i], by[:, i], by_t[:, i]) for i in range(g.shape[1])])
+    of_each = zip(g.T, by_q.swapaxes(0, 1), by_v.swapaxes(0, 1), by_t.T, strict=True)
+    return np.array([times.sums(*parts) for parts in of_each])
 
 
 def _at_nodes(at: DiscretePath) -> tuple[Array, Array, Array, Array]:

@@ -69,23 +69,22 @@ class Stretch:
     def _products(self) -> tuple[Array, Array]:
         """L_yy D by its parts in q and in v; where the order is one, -L_qv v and -L_vv v."""
         pointwise, (A, B, C) = self.at.problem.system.pointwise("second"), self.second
-        n = self._state[1].shape[1]
-        below, highest = self._shifts[0][:, :-n], self._shifts[0][:, -n:]
+        below, highest = self._shifts[0]
         mixed = pointwise.product(1, B, highest).copy()
         mass = pointwise.product(2, C, highest, symmetric=True).copy()
-        if self.at.tr.order > 1:
+        if below is not None:
             mixed += pointwise.product(0, A, below, symmetric=True)
             mass += pointwise.product(1, B, below, transposed=True)
         return mixed, mass
 
     @cached_property
-    def _shifts(self) -> list[Array]:
-        """D and D2."""
+    def _shifts(self) -> list[tuple[Array | None, Array]]:
+        """D and D2, each by its parts in q, None for zero, and in v."""
         tr, v = self.at.tr, self._state[1]
-        if tr.order > 1:
-            return tr.shifts(tr.place(self.at.x).places)
-        rest = np.zeros_like(v)
-        return [np.concatenate([rest, -v], axis=1), np.concatenate([rest, v], axis=1)]
+        if tr.order == 1:
+            return [(None, -v), (None, v)]
+        n = v.shape[1]
+        return [(x[:, :-n], x[:, -n:]) for x in tr.shifts(tr.place(self.at.x).places)]
 
     @cached_property
     def _clock(self) -> list[Array]:
@@ -94,9 +93,15 @@ class Stretch:
         made = system.memoize("clocked", lambda: _clock_derivatives(system))
         return [x.copy() for x in made(*self._state)]
 
-    def sums(self, L: Array, by: Array, by_t: Array | float) -> Array:
-        """Return how sum w L changes, (J,), for L, its derivatives by the state and by t."""
-        change = self.longer @ (self.weight * (L + np.sum(self._shifts[0] * by, axis=1)))
+    def _along(self, which: int, by_q: Array, by_v: Array) -> Array:
+        """Return D.L_y (0) or D2.L_y (1) at the evaluations, for what stands for L_q and L_v."""
+        below, highest = self._shifts[which]
+        found = np.einsum("ki,ki->k", highest, by_v)
+        return found if below is None else found + np.einsum("ki,ki->k", below, by_q)
+
+    def sums(self, L: Array, by_q: Array, by_v: Array, by_t: Array | float) -> Array:
+        """Return how sum w L changes, (J,), for L and its derivatives."""
+        change = self.longer @ (self.weight * (L + self._along(0, by_q, by_v)))
         return change + self.later @ (self.weight * by_t) if self.timed else change
 
     def slopes(self) -> Array:
@@ -110,7 +115,7 @@ class Stretch:
                 by_t = explicit(system)(*self._state, lam)[0][:, 0].copy()
             else:
                 by_t = system.pointwise("rate")(*self._state)[0][:, 0].copy()
-        return self.sums(L[:, 0], np.concatenate([force, p], axis=1), by_t)
+        return self.sums(L[:, 0], force, p, by_t)
 
     @cached_property
     def parts(self) -> Array:
@@ -163,15 +168,13 @@ class Stretch:
     def twice(self) -> Array:
         """Return d2S, (J, J), in the user's units."""
         force, p, _ = self._first
-        once, twice = self._shifts
-        bent = np.sum(once * np.concatenate(self._products, axis=1), axis=1)
+        bent = self._along(0, *self._products)
         if self.at.tr.order > 1:  # else they cancel
-            bent += np.sum((once + twice) * np.concatenate([force, p], axis=1), axis=1)
+            bent += self._along(0, force, p) + self._along(1, force, p)
         found = (self.longer * (self.weight * bent)) @ self.longer.T
         if self.timed:
             by_q, by_v, by_t, by_tt = self._clock
-            by = np.concatenate([by_q, by_v], axis=1)
-            off = self.weight * (by_t[:, 0] + np.sum(once * by, axis=1))
+            off = self.weight * (by_t[:, 0] + self._along(0, by_q, by_v))
             mixed = (self.longer * off) @ self.later.T
             found += mixed + mixed.T + (self.later * (self.weight * by_tt[:, 0])) @ self.later.T
         return found

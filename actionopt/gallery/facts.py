@@ -56,7 +56,9 @@ def _path(s: Subject) -> Rows:
     if s.scene.exact is not None:
         yield _curve("path", s.scene.exact(s.t), s.q)
     if velocity := s.scene.facts.velocity:
-        yield _curve("velocity", velocity(s.t), s.v, least=_sizes(s) / s.duration)
+        joints = np.array([event.t for event in s.solution.problem.through])
+        away = (np.abs(s.t[:, None] - joints) > ZERO_WITHIN * s.duration).all(axis=1)  # it may jump
+        yield _curve("velocity", velocity(s.t[away]), s.v[:, away], least=_sizes(s) / s.duration)
 
 
 def _action(s: Subject) -> Rows:
