@@ -7,6 +7,7 @@ hold a closed path in its place; `bordered` puts them round the KKT matrix.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -239,11 +240,17 @@ class Times:
         return fixed if fixed.size else np.zeros(1, dtype=int)
 
     def _legs(self, beta: Array) -> Legs:
+        if self.first.size == 1:  # in short what follows does
+            h = self.first * math.exp(min(max(float(beta[0]), -OFF), OFF))
+            t0, t1 = self.given.tolist()
+            change = np.array([[0.0, -h[0]], [h[0], 0.0]])[:, int(t1 == t1), None]
+            start = t1 - h[0] if t1 == t1 else t0 if t0 == t0 else 0.0
+            times = [start, t1 if t1 == t1 else start + h[0]]
+            return Legs(np.array(times), change, [(slice(0, 1), slice(0, 1), h, False)])
         known = self.given[1:] - self.given[:-1]
         h = np.where(np.isfinite(known), known, self.first)
         by_h, parts, place = np.zeros((h.size, beta.size)), [], 0
-        far = OFF if h.size == 1 else FAR_OFF
-        factors = np.exp(np.minimum(np.maximum(beta, -far), far))
+        factors = np.exp(np.minimum(np.maximum(beta, -FAR_OFF), FAR_OFF))
         for run, T in self.runs:
             count = run.stop - run.start - (T is not None)
             own = slice(place, place := place + count)

@@ -87,7 +87,8 @@ class Event:
         # They are None until a problem knows how many there are.
         object.__setattr__(self, "q", None if q is None else row)
         object.__setattr__(self, "on", on)
-        object.__setattr__(self, "rates", _rates(v=v, a=a, j=j))
+        rates = () if v is a is j is None else _rates(v=v, a=a, j=j)
+        object.__setattr__(self, "rates", rates)
         if on is not None:
             self._check_on(infinite)
         if infinite and (q is None or None in row):
