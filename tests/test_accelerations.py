@@ -256,6 +256,45 @@ def test_forces_and_laws_of_legs():
     assert path.compare().agrees
 
 
+def bend_less(step):
+    """Return a beam whose L steps, as `step` of x does at zero."""
+    return lambda on: ao.System(lambda q, v, a, t: a[0] ** 2 / 2 - 5 * step(on(q, v, a)), ["x"])
+
+
+COMPARED = bend_less(lambda x: np.where(x > 0, 1.0, 0.0))
+DIVIDED = bend_less(lambda x: x / np.sqrt(x**2))  # no comparison is seen in it
+
+
+@pytest.mark.parametrize("steps", [COMPARED, DIVIDED])
+@pytest.mark.parametrize(
+    "on", [lambda q, v, a: q[0] - 0.512, lambda q, v, a: v[0] - 0.5, lambda q, v, a: a[0] - 0.5]
+)
+def test_no_path_crosses_a_jump(steps, on):
+    ends = ao.Event(0, [0], v=[0]), ao.Event(1, [1])
+    found = ao.solve(ao.Problem(steps(on), *ends), throw=False)
+    assert found.status is ao.Status.JUMP
+    short = ao.solve(ao.Problem(steps(on), ends[0], ao.Event(1, [0.1])))  # of x below zero
+    assert short.velocity(1.0)[0] == pytest.approx(0.15)
+
+
+def test_a_step_too_narrow_to_be_resolved_is_told():
+    for width in (1e-5, 1e-9):
+        system = bend_less(lambda x, width=width: np.tanh(x / width))(lambda q, v, a: q[0] - 0.512)
+        problem = ao.Problem(system, ao.Event(0, [0], v=[0]), ao.Event(1, [1]))
+        assert not ao.solve(problem, throw=False).success
+
+
+def test_a_step_of_two_coordinates_is_resolved():
+    # A load that changes its direction within 1e-3 of t = 0.3.
+    system = ao.System(
+        lambda q, v, a, t: a @ a / 2 - q[1] * np.tanh((t - 0.3) / 1e-3) / 2, ["x", "y"]
+    )
+    ends = (ao.Event(t, [t, 0], v=[0, 0]) for t in (0, 1))
+    path = ao.solve(ao.Problem(system, *ends))
+    assert path(0.5)[0] == pytest.approx(0.5)
+    assert path.compare().agrees
+
+
 def test_it_travels():
     path = between(SPLINE, (0, [0], [0]), (1, [1], [None]))
     other = pickle.loads(pickle.dumps(path))

@@ -176,3 +176,12 @@ def test_branches_that_meet_steeply_are_told_from_jumps_by_the_size_of_l(sign):
     mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
     path = ao.Path.interpolate(lambda t: [t - 1.0123], mesh)
     assert first_crossing(system.switches, problem, path) is None
+
+
+def test_a_jump_beyond_an_event_on_the_way_is_told():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.where(q[0] > 0.5, 1.0, 0.0), ["x"])
+    gate = ao.Event(0.4, [0.3])
+    problem = ao.Problem(system, ao.Event(0, [0]), ao.Event(1, [1]), through=[gate])
+    assert ao.solve(problem, throw=False).status is ao.Status.JUMP
+    path = ao.solve(problem.replace(end=ao.Event(1, [0.45])))
+    np.testing.assert_allclose(path.velocity([0.2, 0.8])[0], [0.75, 0.25])

@@ -59,6 +59,9 @@ def first_crossing(found: Switches, problem: Problem, path: Path) -> Jump | None
 
     def state(since: Array) -> tuple[Array, Array, Array]:
         t = problem.start.t + since
+        if problem.system.order > 1:
+            q, v = path.carried_on(since, 1.0, problem.system.order)
+            return q.T, v.T, t[:, None]
         inside = np.clip(t, *path.mesh.boundaries[[0, -1]])
         return path(inside).T, path.velocity(inside).T, t[:, None]
 
@@ -89,7 +92,9 @@ def first_crossing(found: Switches, problem: Problem, path: Path) -> Jump | None
         return None
     jump, k = first[0], apart[first[1]]
     changed = " and ".join(found.texts[i] for i in np.flatnonzero(before[k] != after[k]))
-    return replace(jump, inevitable=bool((c[0] != c[-1]).any()), surface=changed)
+    # Between events at which highest rates are not given, they may be on either side.
+    inevitable = problem.system.order == 1 and bool((c[0] != c[-1]).any())
+    return replace(jump, inevitable=inevitable, surface=changed)
 
 
 def find_imbalance(at: DiscretePath, error: float) -> Jump | Imbalance | None:
@@ -125,7 +130,7 @@ def _first_jump(problem: Problem, path: Path, low: Array, high: Array) -> tuple[
     apart = np.maximum(high - low, round_off_time(problem))[:, None]
     since = np.hstack([low[:, None] - apart * WIDER, high[:, None] + apart * WIDER])
     since = np.clip(since, 0.0, problem.duration)
-    q, v = (part.T for part in path.carried_on(since.ravel(), 1.0))
+    q, v = (part.T for part in path.carried_on(since.ravel(), 1.0, problem.system.order))
     t = problem.start.t + (low + high) / 2  # a jump in t alone is none
     t = np.repeat(t, since.shape[1])[:, None]
     first = problem.system.pointwise("first")

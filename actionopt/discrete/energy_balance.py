@@ -10,6 +10,8 @@ out, and v . d/dt L_v is integrated by parts, as L_v is not differentiated by nu
 
     L(b) - L(a) = int_a^b [L_q . v + L_v . dv/dt + dL/dt] dt.    (1)
 
+With accelerations in L, (1) is the same of (q, v) in place of q, and of their rates (v, a).
+
 What does not hold of it is the quadrature's error, or a step of L that no derivative shows: one
 that is written as a quotient (abs(q) / q), a branch of an inverse function (arctan(1 / q)), a
 smooth one that is narrower than the samples are apart. The energy jumps by as much.
@@ -50,6 +52,8 @@ SHORTENED = 20  # times by 4, an interval in which L hardly changes; ad hoc
 SUDDEN = 16.0  # ratio from an interval to one four times as long: no growth by rounding; ad hoc
 ROUNDINGS = 16.0  # largest rounding of L, in typical ones: a quarter of a unit; ad hoc
 ENDS = [0, -1]
+# Of L, what an error of the path may explain of it where no drift of the energy is known; ad hoc.
+UNCERTAIN_SHARE = 1e-2
 UNDECIDED = 16 * EPS  # of the times: on which side of a step a path is, in such an interval; ad hoc
 
 
@@ -118,7 +122,7 @@ class Balance:
     def of(cls, at: DiscretePath) -> Balance | None:
         """Draw it up; None where L plainly does not jump."""
         tr, problem = at.tr, at.problem
-        if problem.system.structure.jumpless or tr.order > 1:
+        if problem.system.structure.jumpless:
             return None
         batches, point = tr.between_nodes, tr.place(at.x)
         with np.errstate(all="ignore"):
@@ -127,14 +131,14 @@ class Balance:
             explicit = _explicit(problem, q, v, t)
             # A row for each coordinate: numpy is fast along rows.
             v, force, momentum = (np.ascontiguousarray(y.T) for y in (v, force, momentum))
-            size, speed = (np.abs(y.T).max(axis=1) for y in (point.Q, point.v))
+            size, speed = (np.abs(y.T).max(axis=1) for y in (point.at, point.v))
             most, largest = (np.abs(y).max(axis=1) for y in (force, momentum))
             read = float(np.abs(L).max())
             if not read < np.inf:
                 read = float(np.abs(L[np.isfinite(L)]).max(initial=0.0))
             if explicit.size > 1:
                 read += float(np.abs(explicit).max() * np.abs(t).max())
-            rate = _rate(force, v, explicit)
+            rate = _rate(force, rates_of(q, v), explicit)
             # Of each element at its ends, on its own side of a switch.
             speeds, momenta, outer = _at_ends(tr, at.x)
             first, off = 0, []
@@ -154,13 +158,17 @@ class Balance:
             if problem.through:  # momenta jump there
                 inner = np.searchsorted(tr.mesh.offsets, tr.joints[1:-1])
                 between[inner - 1] = 0.0
-            unit, energy = _sum(most * size + largest * speed), (momentum * v).sum(axis=0) - L
+            unit = _sum(np.append(most * size, largest * speed))
+            energy = (momentum * v).sum(axis=0) - L
             known = energy, explicit, speeds, momenta, outer, size, speed, largest
             return cls(at, [*off, between], unit, read, *known)
 
     def beyond(self, error: float) -> Imbalance | None:
         """Return where (1) is off by more than an error of the path allows, in its own size."""
-        allowed = (error + ROUNDOFF) * self.unit + ROUNDOFF * self.read
+        shown = error * self.unit
+        if self.at.tr.order > 1:  # where a step is as narrow as the error nothing else shows it
+            shown = min(shown, UNCERTAIN_SHARE * self.read)
+        allowed = shown + ROUNDOFF * (self.unit + self.read)
         if all((np.abs(part) <= allowed).all() for part in self.off) or not np.isfinite(error):
             return None
         mesh, width = self.at.mesh, round_off_time(self.at.problem)
@@ -197,8 +205,8 @@ class Balance:
         estimate at most, mostly a hundredth.) Zero where it is not known.
         """
         structure, mesh = self.at.problem.system.structure, self.at.mesh
-        if self.at.problem.through:
-            return 0.0  # the energy may jump at events
+        if self.at.problem.through or self.at.tr.order > 1:
+            return 0.0  # the energy may jump at events, and is another with accelerations in L
         means = np.empty(mesh.elements)
         with np.errstate(all="ignore"):
             energy, first = self.energy, 0
@@ -276,7 +284,7 @@ class Balance:
         at = np.flatnonzero(np.abs(off) > ROUNDOFF * (self.unit + self.read))
         steps = np.zeros(low.size)
         ends = np.concatenate([low[at], high[at]])
-        q, v = (part.T for part in self.at.path.carried_on(ends, 1.0))
+        q, v = (part.T for part in self.at.path.carried_on(ends, 1.0, problem.system.order))
         L = [
             problem.system.pointwise("first")(q, v, t[:, None], problem.packed)[2][:, 0].copy()
             for t in (problem.start.t + np.tile(since[at], 2) for since in (low, high))
@@ -294,7 +302,8 @@ class Balance:
         """
         degree = np.array(self.at.mesh.degrees)
         with np.errstate(all="ignore"):
-            kinetic = _sum(self.momentum * self.size**2 / self.speed)
+            size = self.size[-self.speed.size :]  # of what the highest rate is the derivative of
+            kinetic = _sum(self.momentum * size**2 / self.speed)
         here = kinetic * (EPS * degree**2 / self.at.mesh.lengths) ** 2
         parts = [
             np.repeat(here[b.elements], part.shape[1])
@@ -386,13 +395,13 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
     """
     half = (high - low)[:, None] / 2
     since = np.clip(low[:, None] + half * (1 + INNER_RULE.nodes), low[:, None], high[:, None])
-    q, v = (part.T for part in path.carried_on(since.ravel(), 1.0))
+    q, v = (part.T for part in path.carried_on(since.ravel(), 1.0, problem.system.order))
     t = since if timed else np.repeat((low + high)[:, None] / 2, since.shape[1], axis=1)
     t = problem.start.t + t.reshape(-1, 1)
     with np.errstate(all="ignore"):
         found = problem.system.pointwise("first")(q, v, t, problem.packed)
         Lq, p, L = (np.array(y.T, order="C") for y in found)
-        rate = _rate(Lq, v.T, _explicit(problem, q, v, t) if timed else np.zeros(1))
+        rate = _rate(Lq, rates_of(q, v.T), _explicit(problem, q, v, t) if timed else np.zeros(1))
         L, rate = L.reshape(since.shape), rate.reshape(since.shape)
         p, v = (y.reshape(-1, *since.shape) for y in (p, v.T))
         ends = L[:, ENDS], v[:, :, ENDS]
@@ -414,6 +423,12 @@ def _explicit(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     if not problem.system.structure.depends_on_time:
         return np.zeros(1)
     return problem.system.pointwise("rate")(q, v, t, problem.packed)[0][:, 0].copy()
+
+
+def rates_of(q: Array, v: Array) -> Array:
+    """Return the rates (width, K) of what L takes in place of q (K, width), by that of v (n, K)."""
+    n = len(v)
+    return v if q.shape[1] == n else np.concatenate([q.T[n:], v])
 
 
 def _rate(Lq: Array, v: Array, explicit: Array) -> Array:

@@ -137,13 +137,14 @@ class Path:
             raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
         return Path(mesh, self._since(self.values, 0, mesh.nodes_since))
 
-    def carried_on(self, since: Array, reach: float) -> tuple[Array, Array]:
+    def carried_on(self, since: Array, reach: float, order: int = 1) -> tuple[Array, Array]:
         """Return q and v (n, K) at times since the first, on the polynomials, also beyond the ends.
 
-        As far as `reach` half lengths of the last element from its middle.
+        As far as `reach` half lengths of the last element from its middle. Of an `order` above one
+        all derivatives below that one, (order n, K), and that one.
         """
-        q, v = self._all_since(self.values, (0, 1), since, reach)
-        return q, v
+        *below, highest = self._all_since(self.values, range(order + 1), since, reach)
+        return below[0] if order == 1 else np.concatenate(below), highest
 
     def legendre(self) -> list[Array]:
         """Return each element's Legendre coefficients, shape (n, d + 1), in element order."""

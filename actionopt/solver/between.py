@@ -16,8 +16,10 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.element import with_degrees
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -122,7 +124,7 @@ def _find_smooth(
 ) -> Status:
     """Find a path that crosses no jump of L."""
     ws, problem = search.ws, search.ws.problem
-    steps, jump = problem.system.switches if problem.system.order == 1 else None, None
+    steps, jump = problem.system.switches, None
     if steps is not None:
         first = _first(problem, curve_of)
         jump = first_crossing(steps, problem, first.path)
@@ -152,6 +154,7 @@ def _find_smooth(
 def _first(problem: Problem, curve_of: Callable[[Mesh], Path] | None) -> DiscretePath:
     """Return the straight line between the events, or the guess."""
     mesh = Mesh.uniform(problem.start.t, problem.end.t, LINEAR, COARSE_DEGREE)
+    mesh = with_boundaries(with_degrees(mesh, problem.system.order), problem.boundaries)
     tr = Transcription(problem, mesh, problem.lengths)
     path = Path(mesh, tr.straight().T) if curve_of is None else curve_of(mesh)
     return DiscretePath.of(problem, path)
