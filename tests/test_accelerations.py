@@ -182,6 +182,16 @@ def test_time_that_is_found():
     assert path.morse_index == 0
 
 
+def test_time_that_is_found_of_a_beam_under_tension():
+    # L = (a^2 + v^2) / 2 + 1 between rests a way 1 apart: S = 1 / (2 (T - 2 tanh(T / 2))) + T.
+    system = ao.System(lambda q, v, a, t: (a[0] ** 2 + v[0] ** 2) / 2 + 1, ["x"])
+    ends = ao.Event(0, [0], v=[0]), ao.Event(None, [1], v=[0])
+    path = ao.solve(ao.Problem(system, *ends, energy=0), tol=1e-10)
+    T = path.duration
+    assert (T - 2 * math.tanh(T / 2)) ** 2 == pytest.approx(math.tanh(T / 2) ** 2 / 2)
+    assert path.action == pytest.approx(1 / (2 * (T - 2 * math.tanh(T / 2))) + T)
+
+
 def test_waypoint_at_a_time_that_is_found_keeps_the_energy():
     system = ao.System(lambda q, v, a, t: (a @ a) / 2, ["x", "y"])
     problem = ao.Problem(

@@ -110,7 +110,7 @@ class Pointwise:
         count, height = len(nonzeros), size[1] if transposed else size[0]
         at = height * np.arange(count)[:, None] + rows
         found = np.bincount(at.ravel(), (nonzeros * v[:, cols]).ravel(), count * height)
-        return found.reshape(count, height)
+        return found.astype(float, copy=False).reshape(count, height)  # of no nonzeros it counts
 
     @cached_property
     def _sizes(self) -> tuple[list[int], list[int], int, int]:
