@@ -481,7 +481,7 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
             known = bool(np.isfinite(run.here.error)) or run.unbalance is not None
             if status.stationary or status is Status.JUMP:
                 break
-        near = first.of_family if guess is None else guess
+        near = guess if problem.closes else first.of_family
         if near is not None and not (status.success or status is Status.JUMP):
             status = run.in_family(near, thorough=thorough) or status
     except SIGNALS as signal:
