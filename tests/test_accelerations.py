@@ -315,7 +315,7 @@ def test_it_travels():
 
 def test_what_is_refused_is_told():
     first = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
-    with pytest.raises(ValueError, match="the motion decides it; leave it out"):
+    with pytest.raises(ValueError, match="the motion decides v; leave it out"):
         ao.Problem(first, ao.Event(0, [0], v=[1]), ao.Event(1, [0]))
     with pytest.raises(ValueError, match="expected 1 values of v"):
         ao.Problem(SPLINE, ao.Event(0, [0], v=[1, 2]), ao.Event(1, [0]))
@@ -332,3 +332,36 @@ def test_what_is_refused_is_told():
         ao.conjugate_points(path)
     with pytest.raises(ValueError, match="elements of degree 3 at least"):
         ao.solve(path.problem, mesh=ao.Mesh.uniform(0, 1, 4, 2))
+
+
+def test_what_knows_the_first_order_alone_says_so():
+    path = between(SPLINE, (0, [0], [0]), (1, [1], [0]))
+    for ask in (
+        path.opti,
+        path.action_function,
+        lambda: ao.sweep(path.problem, {"t1": [1.0, 2.0]}),
+    ):
+        with pytest.raises(ValueError, match="found one that contains accelerations"):
+            ask()
+
+
+def test_equations_of_motion_in_sympy():
+    beam = ao.System(
+        lambda q, v, a, t, *, P: a[0] ** 2 / 2 - P * v[0] ** 2 / 2 + q[0],
+        ["w"],
+        parameters={"P": 12.0},
+    )
+    written = beam.to_sympy()
+    w, P = written.q[0], written.parameters["P"]
+    expected = -w.diff(written.t, 4) - P * w.diff(written.t, 2) - 1  # Euler and Poisson
+    assert (written.equations[0].lhs - expected).simplify() == 0
+
+
+@pytest.mark.slow
+def test_all_shapes_of_a_buckled_beam():
+    # Hinged, beyond P = pi^2: the straight shape, and one to each side.
+    beam = ao.System(lambda q, v, a, t: a[0] ** 2 / 2 - 15 * v[0] ** 2 / 2 + v[0] ** 4 / 4, ["w"])
+    shapes = ao.solve_all(ao.Problem(beam, ao.Event(0, [0.0]), ao.Event(1, [0.0])), continuations=0)
+    assert sorted(shapes.indices) == [0, 0, 1]
+    left, right = (shape(0.5)[0] for shape in list(shapes)[:2])
+    assert left == pytest.approx(-right, abs=1e-7)

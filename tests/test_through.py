@@ -124,11 +124,11 @@ def test_a_wall_that_moves_changes_the_energy():
 
 
 def test_what_passes_through_a_wall_is_no_bounce():
-    """Both points on one side of a line, the path straight across it and back is none."""
-    line = ao.Bounce(lambda q, t: q[1])
-    below = ao.Problem(FREE, ao.Event(0, [0, 1]), ao.Event(1, [2, -1]), through=[line])
+    """The shortest way from a point over a line to another line beyond it."""
+    line, beyond = ao.Bounce(lambda q, t: q[1]), ao.Event(1, None, on=lambda q, t: q[1] + 1)
+    below = ao.Problem(FREE, ao.Event(0, [0, 1]), beyond, through=[line])
     with pytest.raises(ao.SolveError, match="passes through the surface at event 1"):
-        ao.solve(below, guess=[[0, 0.9, 2], [1, 0, -1]])
+        ao.solve(below, guess=[[0, 0.1, 0.1], [1, 0, -1]])
 
 
 def test_a_step_that_is_too_high_is_not_passed():
@@ -256,6 +256,23 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
 def test_what_is_no_list_of_events_is_refused(through):
     with pytest.raises(ValueError, match="expected a list of Events"):
         ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [1, 0]), through=through)
+
+
+def test_an_end_behind_the_wall_is_refused():
+    ends = ao.Event(0, [0.0, 1.0]), ao.Event(1, [1.0, 1.0])
+    with pytest.raises(ValueError, match="expected the start where on > 0, found on = -1 of"):
+        ao.Problem(FREE, *ends, through=[ao.Bounce(lambda q, t: -q[1])])
+    ends = ao.Event(0, [0.0, 0.0]), ao.Event(1, [1.0, -2.0])  # begins on the wall
+    with pytest.raises(ValueError, match="expected the end where on > 0, found on = -2 of"):
+        ao.Problem(FREE, *ends, through=[ao.Bounce(lambda q, t: q[1])])
+
+
+@pytest.mark.slow
+def test_no_path_to_a_wall_is_said_to_be_the_only_one():
+    wall = ao.Bounce(lambda q, t: 1 - q[0])
+    ends = ao.Event(0, [0.0, 0.0]), ao.Event(1, [0.0, 1.0])
+    every = ao.solve_all(ao.Problem(FREE, *ends, through=[wall]))
+    assert len(every) == 1 and not every.complete  # L is quadratic, and the question is not
 
 
 def test_a_bounce_where_two_surfaces_meet_is_refused():

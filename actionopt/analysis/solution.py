@@ -588,6 +588,7 @@ class Solution:
 
         Raises ValueError as `action_function` does.
         """
+        self.problem.system.check_order("the action as a function of nodes")
         return opti(self.problem, self.path, self.discrete.tr)
 
     def to_xarray(self, t: ArrayLike | None = None) -> Any:

@@ -129,10 +129,11 @@ class Answers:
 
     def __post_init__(self) -> None:
         problem = self.problem
-        self.linear = problem.system.structure.linear
         self.closed = problem.advance is not None
         found = problem.free_time or problem.on_surface or problem.is_joined
         self.given = not (found or problem.system.r)
+        # Where times, places or contacts are found as well the whole question is not linear.
+        self.linear = problem.system.structure.linear and self.given
         self.loose: tuple[int, ...] = ()
         if self.given:
             # One more turn is another path where both events say where it is, or it has to close;
@@ -170,7 +171,8 @@ class Answers:
             yield from self._straight()
             if not self.linear:
                 yield from self._least(starts)
-                yield from self._forward_shots(shots)
+                if self.problem.system.order == 1:  # velocities alone start a motion
+                    yield from self._forward_shots(shots)
                 yield from self._deflate(starts)
                 yield from self._folds(continuations)
 

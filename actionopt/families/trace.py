@@ -113,6 +113,7 @@ def trace(
     check_problem(problem)
     check_progress(progress)
     family, value = _family(problem.asked or problem, vary, start)
+    problem.system.check_order("a family of paths")
     problem.system.check_free("a branch does not know where contact changes; sweep does")
     to, steps = number(to, "the value to go to"), whole(steps, "the most points to compute", 1)
     if to == value:

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.events import RATES, Bounce, Event, Periodic
-from actionopt.mechanics.surface import with_surface
+from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_surface
 from actionopt.mechanics.system import SWITCHES, System
 from actionopt.mechanics.tracing import STATE
 from actionopt.tools.types import Array
@@ -131,7 +131,24 @@ def check_course(problem: Any) -> tuple[Event, ...]:
             )
     unknown = any(e.t is None or e.on is not None for e in found)
     _refuse(problem, unknown or problem.free_time or problem.on_surface)
+    _check_sides(problem, found)
     return tuple(found)
+
+
+def _check_sides(problem: Any, found: Sequence[Event]) -> None:
+    """Raise ValueError where an end lies behind the surface of the Bounce next to it."""
+    ends = (problem.start, found[0], "start"), (problem.end, found[-1], "end")
+    for event, bounce, role in ends:
+        if not isinstance(bounce, Bounce) or event.t is None or None in event.q:
+            continue
+        q, t = np.array([event.q], dtype=float), np.array([event.t])
+        on, by_q, _ = bounce.on.along(q, t, problem.packed)
+        if on[0, 0] < -SURFACE_TOLERANCE * float(np.abs(by_q[0, 0] * q[0]).sum()):
+            raise ValueError(
+                f"expected the {role} where on > 0, found on = {on[0, 0]:.6g} of the Bounce next "
+                f"to it at t = {event.t:g}, q = {event.q}: the path stays where on is positive; "
+                "give -on where the other side is meant"
+            )
 
 
 def check_rates(problem: Any, events: Sequence[Event]) -> None:
@@ -144,9 +161,9 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
         if len(event.rates) >= system.order:
             name = RATES[len(event.rates) - 1]
             raise ValueError(
-                f"expected derivatives at an event below the highest one in the Lagrangian, found "
-                f"{name}= where that is {STATE[system.order]}: the motion decides it; leave it out"
-                + ("; for a motion from initial values see actionopt.integrate" * (name == "v"))
+                f"expected an event without {name}=, found one with: the highest derivative in the "
+                f"Lagrangian is {STATE[system.order]}, so that the motion decides {name}; leave it "
+                "out" + ("; for a motion from initial values see ao.integrate" * (name == "v"))
             )
         for name, row in zip(RATES, event.rates, strict=False):
             if row is not None and len(row) != n:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
-from actionopt.mechanics.surface import with_parameters, with_surface
+from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_parameters, with_surface
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.checks import by_name, number, numbers
 from actionopt.tools.shown import one_line
@@ -35,9 +35,6 @@ ACCIDENTAL = 0.05  # of the largest coordinate, one whose size at the events may
 NEGLIGIBLE = 1e-12  # a coordinate this much smaller than another is zero up to rounding
 # Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
-# How far, relative to the surface's own scale, an event may lie off it: numbers that a user writes
-# with nine digits lie on it. Ad hoc.
-SURFACE_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +92,20 @@ class Problem:
     laws: tuple[System, ...] = field(default=(), init=False, repr=False)  # of legs that differ
     plain: System | None = field(default=None, init=False, repr=False)  # without its integrals
     asked: Problem | None = field(default=None, init=False, repr=False)
+
+    if TYPE_CHECKING:  # what is given may be more than what the attributes are
+
+        def __init__(
+            self,
+            system: System | Sequence[System],
+            start: Event,
+            end: Event,
+            *,
+            parameters: Mapping[str, Any] | None = None,
+            energy: float | None = None,
+            through: Sequence[Event] = (),
+            integral: ArrayLike | None = None,
+        ) -> None: ...
 
     __repr__ = one_line
 

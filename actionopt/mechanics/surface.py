@@ -25,6 +25,10 @@ from actionopt.mechanics.tracing import call, parameter_names, surface
 from actionopt.tools.checks import by_name
 from actionopt.tools.types import Array
 
+# How far, relative to the surface's own scale, an event may lie off it: numbers that a user writes
+# with nine digits lie on it. Ad hoc.
+SURFACE_TOLERANCE = 1e-8
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:

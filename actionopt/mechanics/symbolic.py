@@ -170,7 +170,12 @@ class Reading:
             rate = name == "Derivative" and any(part in self._places for part in x.args)
             raise Untraceable(
                 f"found {x}, which is neither a coordinate nor its velocity: "
-                + ("L may depend on q, v and t" if rate else "give it as an expression of t")
+                + (
+                    "from here L may depend on q, v and t; one with accelerations is a callable "
+                    "L(q, v, a, t) for System"
+                    if rate
+                    else "give it as an expression of t"
+                )
             )
         if name == "Piecewise":
             found: Any = ca.SX.nan()
@@ -233,6 +238,8 @@ class Formulas:
     q, v : tuple of n sympy expressions
         Coordinates, functions of time, and their derivatives.
     t : sympy.Symbol
+    order : int
+        The order of the highest derivative in L: 2 with accelerations.
     parameters : dict of str to sympy.Symbol or sympy.Matrix
         By name; those of parameters that are arrays, of symbols `m_1`, `m_2`, ... row by row.
     constraint : tuple of m sympy.Expr
@@ -251,6 +258,7 @@ class Formulas:
     constraint: tuple[Any, ...] = ()
     force: tuple[Any, ...] = ()
     multipliers: tuple[Any, ...] = ()
+    order: int = 1
 
     def __iter__(self):
         """Yield L, q, v and t."""
@@ -263,16 +271,26 @@ class Formulas:
 
     @cached_property
     def equations(self) -> tuple[Any, ...]:
-        """d/dt dL/dv - dL/dq - Q - sum lambda df/dq = 0, n of sympy.Eq, and f = 0, m more."""
+        """d/dt dL/dv - dL/dq - Q - sum lambda df/dq = 0, n of sympy.Eq, and f = 0, m more.
+
+        With accelerations d^2/dt^2 dL/da is taken away on the left, and so on.
+        """
         L, t = self.lagrangian, self.t
         forces = self.force or (sympy.Integer(0),) * len(self.q)
         rows = []
-        for x, rate, force in zip(self.q, self.v, forces, strict=True):
+        for x, force in zip(self.q, forces, strict=True):
             pull = sum(
                 (y * f.diff(x) for y, f in zip(self.multipliers, self.constraint, strict=True)),
                 sympy.Integer(0),
             )
-            rows.append(sympy.Eq(L.diff(rate).diff(t) - L.diff(x) - force - pull, 0))
+            inertia = sum(
+                (
+                    (-1) ** (k + 1) * L.diff(x.diff(t, k)).diff(t, k)
+                    for k in range(1, self.order + 1)
+                ),
+                sympy.Integer(0),
+            )
+            rows.append(sympy.Eq(inertia - L.diff(x) - force - pull, 0))
         return (*rows, *(sympy.Eq(f, 0) for f in self.constraint))
 
     def latex(self) -> str:
@@ -305,7 +323,8 @@ def formulas(laws: Laws, table: ParameterTable) -> Formulas:
     symbols = [x for entries in packed for x in entries.ravel()]
     s = laws.symbols
     tape = Tape([s.q, s.v, s.t, s.p], [ca.densify(x) for x in (laws.L, laws.f, laws.Q)])
-    inputs: list[Sequence[Any]] = [q, v, (t,), symbols]
+    state = [tuple(x.diff(t, k) for x in q) for k in range(laws.order + 1)]
+    inputs: list[Sequence[Any]] = [sum(state[:-1], ()), state[-1], (t,), symbols]
 
     def make(node: Node, operands: list[Any]) -> Any:
         if node.kind == "input":
@@ -324,7 +343,7 @@ def formulas(laws: Laws, table: ParameterTable) -> Formulas:
     L, f, Q = ([found[k] for k in row] for row in tape.results)
     lam = [f"lamda{k + 1 if len(f) > 1 else ''}" for k in range(len(f))]
     multipliers = tuple(sympy.Function(name)(t) for name in lam)
-    return Formulas(L[0], q, v, t, parameters, tuple(f), tuple(Q), multipliers)
+    return Formulas(L[0], q, v, t, parameters, tuple(f), tuple(Q), multipliers, laws.order)
 
 
 def _exact(value: float) -> Any:
