@@ -16,6 +16,8 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.boundaries import with_boundaries
+from actionopt.discrete.element import with_degrees
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import DEGREES, Resolution, cheapest_mesh, resolution
@@ -710,6 +712,7 @@ class Search:
     def _curved_line(self, mesh: Mesh) -> Path:
         """Return a line between the events curved to one side in every coordinate."""
         problem = self.ws.problem
+        mesh = with_boundaries(with_degrees(mesh, problem.system.order), problem.boundaries)
         Q = Transcription(problem, mesh, problem.lengths).straight()
         s = mesh.nodes_since / mesh.duration
         side = problem.lengths * np.cos(np.arange(1.0, 1.0 + problem.system.n))  # no symmetry's own
