@@ -104,8 +104,7 @@ def main() -> int:
         sources(folder)
         options = ["-q", "-W", "--keep-going", "-j", asked.jobs, "-c", str(DOCS)]
         wrong = build_main([*options, "-d", f"{made}/trees", str(folder), str(asked.site)])
-    names = list(scenes.SCENES)[: asked.scenes]
-    gallery.build(asked.site / "gallery", [scenes.get(name) for name in names])
+    gallery.build(asked.site / "gallery", list(scenes.SCENES)[: asked.scenes])
     dead = dead_links(asked.site)
     print("\n".join(f"leads nowhere: {link}" for link in dead))
     return wrong or bool(dead)
