@@ -257,7 +257,7 @@ def test_all_four_transfers_of_given_energy(energy, end):
     exact = lambert(energy, start, end)
     assert sorted(s.duration for s in found) == pytest.approx(exact, rel=1e-7)
     # The long way of each round passes a caustic; in space, flights of more than half a turn pass
-    # the line through both ends' centre, about which all planes turn.
+    # the line through the start and the centre, about which their planes may be turned.
     in_space = [0, 1, 1, 2]
     assert sorted(s.morse_index for s in found) == (in_space if len(end) == 3 else [0, 0, 1, 1])
     assert all(s.compare().agrees for s in found)
