@@ -12,7 +12,8 @@ from helpers import a_quarter, solved
 
 import actionopt as ao
 from actionopt import Event, Problem, System, scenes
-from actionopt.mechanics import system as module
+from actionopt.mechanics import pickling
+from actionopt.mechanics.laws import Laws
 
 DERIVED = ("first", "second", "value", "energy", "motion")
 
@@ -23,7 +24,7 @@ def elsewhere(monkeypatch):
 
     def load(data):
         with monkeypatch.context() as patched:
-            patched.setattr(module, "_KNOWN", {})
+            patched.setattr(pickling, "_KNOWN", {})
             return pickle.loads(data)
 
     return load
@@ -59,12 +60,12 @@ def test_it_is_made_once_in_a_process_and_derives_nothing_again(elsewhere, monke
     later = pickle.dumps(problem)
     loaded = elsewhere(later).system
     assert loaded is not own and set(loaded.derived) == set(own.derived)
-    for name in (x for x in dir(module.Laws) if x.startswith("_build")):
-        monkeypatch.delattr(module.Laws, name)
+    for name in (x for x in dir(Laws) if x.startswith("_build")):
+        monkeypatch.delattr(Laws, name)
     again = ao.solve(Problem(loaded, problem.start, problem.end))
     assert again.action == solution.action and again.morse_index == 0
     # What another pickle of the same law has derived is added to the one that is there.
-    monkeypatch.setattr(module, "_KNOWN", {})
+    monkeypatch.setattr(pickling, "_KNOWN", {})
     early = pickle.loads(first)
     assert not early.derived
     assert pickle.loads(later).system is early and set(early.derived) == set(own.derived)

@@ -8,59 +8,43 @@ from __future__ import annotations
 
 import hashlib
 import math
-import pickle
-import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from functools import cached_property
 from html import escape
 from itertools import pairwise
 from typing import Any, Literal
-from weakref import WeakValueDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.identity import GENERIC, general_states, negligible, remainder, vanishes
-from actionopt.mechanics.laws import Laws, Once
+from actionopt.mechanics.evaluation import NumericLaws
+from actionopt.mechanics.identity import general_states, vanishes
+from actionopt.mechanics.laws import Once
+from actionopt.mechanics.lengths import check_length, square
+from actionopt.mechanics.pickling import reduce
 from actionopt.mechanics.tracing import (
-    STATE,
     ParameterTable,
     Symbols,
     call,
     column,
     order_of,
     scalar,
-    stack,
     suggestion,
     surface,
 )
-from actionopt.tools.checks import numbers
 from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
 
-# Of Newton's method in `velocity`; ad hoc.
-NO_VELOCITY: Any = object()  # in place of v, for functions of q and t alone
-NEWTON_STEPS = 50
-DAMPED_STEP = 1e-8  # of the velocity: a longer one is shortened where it leads away
-LAST_STEP = 1e-15  # of the velocity: some spacings of floats
-STALLED_STEP = 1e-10  # in the velocity's own unit: one that stops contracting is round-off
-
-# Attributes that travel with a system if they are there, besides its functions.
-TRAVELLING = ("structure", "switches", "clock", "energy_is_mechanical")
 # Sizes of a motion that an obstacle counts as far away at most, and inside of it; ad hoc. What a
 # slope's square may be without being zero.
 DISTANT, LEAST_SLOPE = 100.0, 1e-300
-KEPT_SYSTEMS = 8  # that were loaded, whether or not they are in use: a worker's, ad hoc
 
 # Parameters of our own: kappa (c,) of L + kappa.g, and the times at which laws of legs take turns.
 MULTIPLIERS, SWITCHES = "integral_multipliers", "leg_times"
 
 
-class System(Laws):
+class System(NumericLaws):
     """A mechanical system given by its Lagrangian L(q, v, t).
 
     Parameters
@@ -306,7 +290,7 @@ class System(Laws):
                     f"{what} there; choose another name"
                 )
         order = order_of(law) if role == "lagrangian" else 1
-        n, symbols = len(names_of), _symbols(len(names_of), table, order)
+        n, symbols = len(names_of), Symbols.of(len(names_of), table, order)
         state, named = symbols.state(), table.by_name(symbols.p)
         Q, V, T = state["q"], state["v"], state["t"]
         given, used = call(law, role, {"q": Q, "v": V} if role == "length" else state, named)
@@ -348,10 +332,10 @@ class System(Laws):
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
         F = L if role == "length" else None
-        laws = L if F is None else _square(F) / 2, constraints, forces, outside, integrands
+        laws = L if F is None else square(F) / 2, constraints, forces, outside, integrands
         self._set(symbols, laws, names_of, table, name, _place(law), F=F)
         if F is not None:
-            self._check_length()
+            check_length(self)
 
     def _set(
         self,
@@ -406,17 +390,7 @@ class System(Laws):
 
     def __reduce__(self) -> tuple:
         """Carry the law as an expression, and what is derived; no code of the user's."""
-        digest, version = self.digest, ca.CasadiMeta.version()
-        with _LOADING:
-            _KNOWN.setdefault(digest, self)
-        with self.lock:
-            kept = {name: vars(self)[name] for name in TRAVELLING if name in vars(self)}
-            made = {name: x for name, x in self._made.items() if _travels(x)}
-            pointwise = {name: x for name, x in self._pointwise.items() if _travels(x)}
-            parts = pointwise, made, kept
-            known = self.coordinates, self.table.defaults, self.name, self.source
-            state = pickle.dumps((*known, self._law.serialize(), parts))
-            return _load, (digest, sorted(name for x in parts for name in x), version, state)
+        return reduce(self)
 
     @property
     def _law(self) -> ca.Function:
@@ -435,6 +409,10 @@ class System(Laws):
         obstacle it is the system itself.
         """
         return self._holding(self.outside) if self.r else self
+
+    def obstacle(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
+        """Return f(q, t) of the obstacle, shape (r, K) or (r,): not negative outside of it."""
+        return self.with_contact.constraint(q, t, parameters=parameters)[self.m :]
 
     def with_contact_distance(self, sizes: tuple[int, ...]) -> System:
         """Return the same with rows of the obstacle that grow as the distance from it does.
@@ -475,7 +453,7 @@ class System(Laws):
         table = ParameterTable({**self.table.defaults, **more})
 
         def build() -> System:
-            symbols, system = _symbols(self.n, table, self.order), object.__new__(System)
+            symbols, system = Symbols.of(self.n, table, self.order), object.__new__(System)
             packed = symbols.p[: self.symbols.p.numel()]  # they come behind
             laws = self._law.call([symbols.q, symbols.v, symbols.t, packed])
             known = tuple(laws[:5]), self.coordinates, table, self.name, self.source
@@ -493,7 +471,7 @@ class System(Laws):
         if not self.g.numel():
             return self
         table = ParameterTable({**self.table.defaults, MULTIPLIERS: np.zeros(self.g.numel())})
-        symbols, system = _symbols(self.n, table, self.order), object.__new__(System)
+        symbols, system = Symbols.of(self.n, table, self.order), object.__new__(System)
         packed = symbols.p[: self.symbols.p.numel()]
         L, f, Q, outside, g = self._law.call([symbols.q, symbols.v, symbols.t, packed])[:5]
         kappa = symbols.p[self.symbols.p.numel() :]
@@ -519,7 +497,7 @@ class System(Laws):
         first, table = systems[0], ParameterTable(parameters)
 
         def build() -> System:
-            symbols, system = _symbols(first.n, table, first.order), object.__new__(System)
+            symbols, system = Symbols.of(first.n, table, first.order), object.__new__(System)
             sizes = np.cumsum([0, *(math.prod(shape) for shape in table.shapes.values())])
             columns = [symbols.p[a:b] for a, b in pairwise(sizes.tolist())]
             named = dict(zip(table.shapes, columns, strict=True))
@@ -553,15 +531,6 @@ class System(Laws):
                 "where nothing touches it, or have a constraint instead where something does"
             )
 
-    def check_order(self, what: str) -> None:
-        """Raise ValueError if L contains accelerations, saying `what` does not know them."""
-        if self.order > 1:
-            raise ValueError(
-                "expected a Lagrangian of coordinates and velocities, found one that contains "
-                f"{'accelerations' if self.order == 2 else 'higher derivatives'}: {what} is not "
-                "known of it; see solution.momentum, energy, morse_index, sensitivity and compare"
-            )
-
     # -- what is known without numbers ---------------------------------------------------
 
     @cached_property
@@ -579,306 +548,6 @@ class System(Laws):
         euler = ca.horzcat(*[M[:, i] * s.v[i] for i in range(self.n)], -d.Lv)
         packed = self.table.pack(self.parameters)
         return vanishes(euler, self._arguments, [*general_states(self.n), packed])
-
-    @property
-    def is_homogeneous(self) -> bool:
-        """Whether L(q, s v) = s L(q, v) for s > 0: a length, which knows no time."""
-        if self.order > 1:
-            return False
-        with suppress(ValueError):  # finite nowhere where it is tried
-            return _doubles(*self._at_twice_speed("value"))
-        return False
-
-    def _at_twice_speed(self, name: str) -> tuple[Array, Array]:
-        """Return F(q, v) and F(q, 2 v) of the function `name` in general position, both (K, 1)."""
-        (q, v, t), packed = general_states(self.n), self.table.pack(self.table.defaults)
-        F = self.pointwise(name)
-        return F(q, v, t, packed)[0].copy(), F(q, 2 * v, t, packed)[0]
-
-    def _check_length(self) -> None:
-        """Raise ValueError unless F is homogeneous, and somewhere finite and positive."""
-        once, twice = self._at_twice_speed("length")
-        if not _doubles(once, twice):
-            raise ValueError(
-                "expected a length homogeneous of degree one in v, length(q, s v) = s length(q, v) "
-                "for s > 0, such as np.sqrt(v @ v) or a travel time, found one that is not; where "
-                "it is the Lagrangian of a motion, use System(lagrangian, coordinates)"
-            )
-        if not np.any(once[:GENERIC] > 0):
-            raise ValueError(
-                "expected a length that is positive where v is not zero, such as np.sqrt(v @ v), "
-                f"found none that is at {GENERIC} places and velocities"
-            )
-
-    @property
-    def parameters(self) -> dict[str, Array]:
-        """Default parameter values by name."""
-        return dict(self.table.defaults)
-
-    # -- pointwise numbers -----------------------------------------------------------------
-
-    def lagrangian(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return L(q, v, t): shape (K,) for q, v of shape (n, K), a 0-d array for (n,).
-
-        `t` is one time or (K,) times; `parameters` overrides defaults by name. So for the
-        methods below, which raise ValueError for shapes that do not fit.
-        """
-        return self._at("value", q, v, t, parameters)[0][0]
-
-    def momentum(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return the canonical momenta p = dL/dv, shape (n, K) or (n,). Section 12.3."""
-        return self._at("first", q, v, t, parameters)[1]
-
-    def generalized_force(
-        self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None
-    ) -> Array:
-        """Return dL/dq, shape (n, K) or (n,). Section 12.3."""
-        return self._at("first", q, v, t, parameters)[0]
-
-    def force(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return the non-conservative forces Q, shape (n, K) or (n,); zero where there are none."""
-        if self.Q.numel() == 0:
-            return 0.0 * self._at("first", q, v, t, parameters)[0]
-        return self._at("force", q, v, t, parameters)[0]
-
-    def energy(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return the energy function H = v . dL/dv - L, shape (K,) or a 0-d array. Section 12.5."""
-        return self._at("energy", q, v, t, parameters)[0][0]
-
-    def mass_matrix(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return M = d2L/dv dv, shape (n, n, K) or (n, n)."""
-        M = self._at("motion", q, v, t, parameters)[0]
-        return M.reshape(self.n, self.n, *M.shape[1:])
-
-    def constraint(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return f(q, t), shape (m, K) or (m,)."""
-        return self._at("constraint", q, NO_VELOCITY, t, parameters)[0]
-
-    def obstacle(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return f(q, t) of the obstacle, shape (r, K) or (r,): not negative outside of it."""
-        return self.with_contact.constraint(q, t, parameters=parameters)[self.m :]
-
-    def constraint_jacobian(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return G = df/dq, shape (m, n, K) or (m, n)."""
-        columns, _ = _as_columns(q, self.n, "q")
-        G = self._at("motion", q, np.zeros_like(columns).reshape(np.shape(q)), t, parameters)[2]
-        return np.swapaxes(G.reshape(self.n, self.m, *G.shape[1:]), 0, 1)
-
-    def acceleration(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return the accelerations of the Euler-Lagrange equations, shape (n, K) or (n,).
-
-        With constraints the index-1 form is solved, for (q, v) on the constraint and its rate;
-        equation (12.8) with f differentiated twice. Raises numpy.linalg.LinAlgError where the
-        mass matrix is singular on the motions the constraints allow.
-        """
-        return self.dynamics(q, v, t, parameters)[0]
-
-    def multipliers(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
-        """Return lambda of L' = L + sum lambda f, shape (m, K) or (m,). Equation (12.7)."""
-        return self.dynamics(q, v, t, parameters)[1]
-
-    def constraint_force(
-        self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None
-    ) -> Array:
-        """Return the generalized forces of constraint G' lambda, shape (n, K) or (n,). (12.9)."""
-        G = self.constraint_jacobian(q, t, parameters=parameters)
-        return np.einsum("mn...,m...->n...", G, self.multipliers(q, v, t, parameters=parameters))
-
-    def velocity(
-        self,
-        q: ArrayLike,
-        p: ArrayLike,
-        t: float,
-        guess: ArrayLike,
-        *,
-        parameters=None,
-    ) -> Array:
-        """Return the velocity with momentum `p`, the inverse of `momentum`, at one time: (n,).
-
-        With constraints, p counts only on the motions they allow: v satisfies
-        G v = -df/dt and dL/dv = p + G' mu. Newton's method from `guess` (n,), one step where
-        L is quadratic in v. Raises ValueError if it does not converge, or anything is not finite.
-        """
-        n, m = self.n, self.m
-        v, target = numbers(guess, "the guess of v"), numbers(p, "p")
-        if not v.shape == target.shape == (n,):
-            raise ValueError(
-                f"expected p and the guess of v of shape ({n},), found {target.shape} and {v.shape}"
-            )
-        G = self.constraint_jacobian(q, t, parameters=parameters)
-        rate = self._at("constraint_rate", q, NO_VELOCITY, t, parameters)[0] if m else np.zeros(0)
-
-        def mismatch(v: Array) -> Array:
-            return np.concatenate(
-                [target - self.momentum(q, v, t, parameters=parameters), -rate - G @ v]
-            )
-
-        with np.errstate(all="ignore"):  # what is not finite is refused
-            miss, last = mismatch(v), np.inf
-            for _ in range(NEWTON_STEPS):
-                M = self.mass_matrix(q, v, t, parameters=parameters)
-                K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
-                step = np.linalg.solve(K, miss)[:n]
-                size = float(np.max(np.abs(step)))
-                if not np.isfinite(size):
-                    raise ValueError(
-                        f"expected a finite momentum {target} and a Lagrangian with finite "
-                        f"derivatives at q = {q}, t = {t}, v = {v}, found NaN or infinity; move "
-                        "away from there"
-                    )
-                # Away from the answer a full step may leave the domain of L (|v| < c, say).
-                while size > DAMPED_STEP * np.max(np.abs(v)):
-                    ahead = mismatch(v + step)
-                    if m or np.linalg.norm(ahead) < np.linalg.norm(miss):
-                        break
-                    step, size = step / 2, size / 2
-                v = v + step
-                miss = mismatch(v)
-                if size <= LAST_STEP * np.max(np.abs(v)) or (
-                    size >= last / 2 and size < STALLED_STEP
-                ):
-                    return v
-                last = size
-        raise ValueError(
-            f"expected a velocity with the momentum {target} at q = {q}, found none: the "
-            "Lagrangian is to be convex in the velocities near there"
-        )
-
-    def dynamics(
-        self, q, v, t, parameters, active: NDArray[np.bool_] | None = None
-    ) -> tuple[Array, Array]:
-        """Return accelerations (n, ...) and multipliers (m, ...) of the index-1 equations.
-
-        Where `active` (m, ...) is given, of the constraints it names; others have no multiplier.
-        """
-        n, m = self.n, self.m
-        if not m and self.has_diagonal_mass:
-            mass, bias = self._at("even_motion", q, v, t, parameters)
-            if not mass.all():
-                raise np.linalg.LinAlgError("Singular matrix")
-            return bias / mass, np.zeros((0, *bias.shape[1:]))
-        M, bias, G, gamma = self._at("motion", q, v, t, parameters)
-        shape = bias.shape[1:]
-        count = bias[0].size
-        K = np.zeros((n + m, n + m, count))
-        K[:n, :n] = M.reshape(n, n, count)
-        if m:
-            G = G.reshape(n, m, count)
-            K[:n, n:] = -G
-            K[n:, :n] = G.transpose(1, 0, 2)
-        K = K.transpose(2, 0, 1)
-        right = np.concatenate([bias.reshape(n, count), -gamma.reshape(m, count)]).T
-        if active is not None:
-            i, k = np.nonzero(~active.reshape(m, count))
-            K[k, n + i, :] = K[k, :, n + i] = 0.0
-            K[k, n + i, n + i], right[k, n + i] = 1.0, 0.0
-        solved = np.linalg.solve(K, right[..., None])[..., 0].T
-        return solved[:n].reshape(n, *shape), solved[n:].reshape(m, *shape)
-
-    def _at(self, name: str, q, v, t, parameters) -> list[Array]:
-        """Evaluate a compiled function at arguments of the user's shape: (rows, K) or (rows,)."""
-        arguments, single = self.arguments(q, v, t, parameters)
-        results = self.pointwise(name)(*arguments)
-        return [r[0].copy() if single else r.T.copy() for r in results]
-
-    def arguments(self, q, v, t, parameters) -> tuple[list[Array], bool]:
-        """Return q and v as (K, n), t as (K, 1) and packed parameters; whether q is one place (n,).
-
-        Without v where it is `NO_VELOCITY`. Raises ValueError for shapes that do not fit.
-        """
-        self.check_order("a value at one q, v and t")
-        columns, single = _as_columns(q, self.n, "q")
-        arguments = [columns.T]
-        if v is not NO_VELOCITY:
-            rates, v_single = _as_columns(v, self.n, "v")
-            if rates.shape != columns.shape or v_single != single:
-                raise ValueError(
-                    f"expected q and v of one shape, found {np.shape(q)} and {np.shape(v)}"
-                )
-            arguments.append(rates.T)
-        times = numbers(t, "t")
-        if times.shape not in ((), (1,), columns.shape[1:]):
-            raise ValueError(
-                f"expected one time or {columns.shape[1]} times, found shape {times.shape}"
-            )
-        arguments += [times.reshape(-1, 1), self.table.pack(self.table.values(parameters))]
-        return arguments, single
-
-
-_KNOWN: WeakValueDictionary[str, System] = WeakValueDictionary()  # by digest: pickled or loaded
-_RECENT: deque[System] = deque(maxlen=KEPT_SYSTEMS)  # loaded: workers need them again and again
-_LOADING = threading.RLock()
-
-
-def _travels(made: object) -> bool:
-    """Whether what is derived can be read elsewhere.
-
-    CasADi writes functions that solve linear equations in a way that it does not read.
-    """
-    function = made.function if isinstance(made, Pointwise) else made
-    return made is None or (isinstance(function, ca.Function) and function.is_a("SXFunction"))
-
-
-def _load(digest: str, derived: list[str], version: str, state: bytes) -> System:
-    """Return the system of a law, which is made once in a process.
-
-    Raises ValueError if it was pickled with another CasADi, whose expressions this one cannot read.
-    """
-    with _LOADING:
-        system = _KNOWN.get(digest)
-        if system and {*system._pointwise, *system._made, *vars(system)}.issuperset(derived):
-            return system
-        try:
-            coordinates, defaults, name, source, law, parts = pickle.loads(state)
-        except RuntimeError as error:
-            raise ValueError(
-                f"expected a system that CasADi {ca.CasadiMeta.version()} can read, found one that "
-                f"was pickled with {version}; use the same version on both sides"
-            ) from error
-        if system is None:
-            system, table = object.__new__(System), ParameterTable(defaults)
-            known = ca.Function.deserialize(law)
-            order = known.numel_in(0) // len(coordinates)
-            symbols = _symbols(len(coordinates), table, order)
-            laws = known.call([symbols.q, symbols.v, symbols.t, symbols.p])
-            known = tuple(laws[:5]), coordinates, table, name, source
-            system._set(symbols, *known, loaded=True, F=laws[5] if len(laws) > 5 else None)
-            _KNOWN[digest] = system
-            _RECENT.append(system)
-        with system.lock:
-            for own, part in zip(
-                (system._pointwise, system._made, vars(system)), parts, strict=True
-            ):
-                for key, value in part.items():
-                    own.setdefault(key, value)
-        return system
-
-
-def _doubles(once: Array, twice: Array) -> bool:
-    """Whether the values F(q, 2 v) are 2 F(q, v), (K, 1): their round-off, too, whatever cancels.
-
-    Raises ValueError if none is finite.
-    """
-    return negligible(remainder(np.hstack([twice, -2 * once])[None]))
-
-
-def _square(F: ca.SX) -> ca.SX:
-    """Return F^2, without the roots that are factors of F: smooth where they vanish."""
-    code = F.op()
-    if code == ca.OP_SQRT:
-        return F.dep(0)
-    if code == ca.OP_TWICE:
-        return ca.SX.binary(ca.OP_MUL, 4, _square(F.dep(0)))
-    if code in (ca.OP_MUL, ca.OP_DIV):
-        return ca.SX.binary(code, _square(F.dep(0)), _square(F.dep(1)))
-    return ca.SX.unary(ca.OP_SQ, F)
-
-
-def _symbols(n: int, table: ParameterTable, order: int = 1) -> Symbols:
-    """Return the symbols in which the law of n coordinates is written, of an order."""
-    *below, highest = (ca.SX.sym(name, n) for name in STATE[: order + 1])
-    q = below[0] if order == 1 else stack(*below)
-    return Symbols(q, highest, ca.SX.sym("t"), table.symbols())
 
 
 def _check_parts(constraint: Any, obstacle: Any) -> None:
@@ -910,17 +579,6 @@ def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
     if not names or len(set(names)) != len(names):
         raise ValueError(f"expected at least one coordinate and distinct names, found {names}")
     return names
-
-
-def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:
-    """Return values of shape (n, K) and whether they were given as (n,)."""
-    array = numbers(values, what)
-    if array.ndim not in (1, 2) or array.shape[0] != n:
-        raise ValueError(
-            f"expected {what} of shape ({n},) or ({n}, K), one row a coordinate, "
-            f"found {array.shape}"
-        )
-    return array.reshape(n, -1), array.ndim == 1
 
 
 def check_system(system: System) -> System:

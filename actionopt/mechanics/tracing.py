@@ -52,6 +52,13 @@ class Symbols:
     t: ca.SX
     p: ca.SX
 
+    @classmethod
+    def of(cls, n: int, table: ParameterTable, order: int = 1) -> Symbols:
+        """Return those of a law of n coordinates and an order."""
+        *below, highest = (ca.SX.sym(name, n) for name in STATE[: order + 1])
+        q = below[0] if order == 1 else stack(*below)
+        return cls(q, highest, ca.SX.sym("t"), table.symbols())
+
     def state(self) -> dict[str, Expressions]:
         """Return what the user's callables receive, by name: q, v and so on, and t."""
         n = self.v.numel()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.lengths import is_length
 from actionopt.mechanics.problem import first_state
 from actionopt.mechanics.system import System
 from actionopt.tools.types import RANK, Array
@@ -72,7 +73,7 @@ def check(tr: Transcription, Q: Array) -> None:
     try:
         _check_mass(system.coordinates, M[finite], None if G is None else (G * tr.lengths)[finite])
     except ValueError as error:
-        if not system.is_homogeneous:
+        if not is_length(system):
             raise
         raise ValueError(
             f"{error}. This L is homogeneous of degree one in the velocities, a length or a travel "
