@@ -553,10 +553,26 @@ def test_a_dwell_at_the_top_and_a_guess_between_other_angles():
     assert max(sum(x.stats["iterations"].values()) for x in (longer, back)) <= 4
 
 
-@pytest.mark.parametrize("name", ["throw_at_energy", "kepler_at_energy", "pendulum_over_top"])
+def growing_ring():
+    """A charge on a ring that grows, pushed by a force that does, to where the ring meets y = x."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2 + q[0] * t**2,
+        ["x", "y"],
+        constraint=lambda q, t: q @ q - (1 + t) ** 3,
+    )
+    end = ao.Event(None, [None, None], on=lambda q, t: q[0] - q[1])
+    guess = ao.Path.interpolate(
+        lambda t: (1 + t) ** 1.5 * np.stack([np.cos(t), np.sin(t)]), ao.Mesh.uniform(0, 0.9, 3, 6)
+    )
+    return ao.Problem(system, ao.Event(0, [1, 0]), end), guess
+
+
+@pytest.mark.parametrize(
+    "name", ["throw_at_energy", "kepler_at_energy", "pendulum_over_top", growing_ring]
+)
 def test_the_matrix_with_a_duration_is_the_derivative_of_the_equations(name):
-    problem = scenes.get(name).problem
-    path = ao.solve(problem, guess=scenes.get(name).guess, tol=1e-3).path
+    problem, path = name() if callable(name) else (scenes.get(name).problem, None)
+    path = path or ao.solve(problem, guess=scenes.get(name).guess, tol=1e-3).path
     bordered, y = Bordered.around(problem, path, None, np.abs(path.values).max(axis=1))
     y = y + 0.01 * np.cos(np.arange(y.size))  # the duration as well
     step = 1e-6 * np.eye(y.size)

@@ -22,7 +22,7 @@ from actionopt.tools.types import Array
 
 def by_times(at: DiscretePath) -> Array:
     """Return dS/dt at fixed coordinates at the nodes by the times of all events, (k + 2,)."""
-    return by_joints(at).slopes()
+    return by_joints(at).slopes(at.lam)
 
 
 def jumps_of(at: DiscretePath) -> tuple[tuple[Instant, ...], Array]:

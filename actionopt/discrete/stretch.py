@@ -6,7 +6,9 @@ t' = b_0 + s h', and with them the action and what its gradient is made of, p = 
 
     dS = sum w [(L - v.p) h' / h + L_t t'],
     d(w L_q) = w (L_q - L_qv v) h' / h + w L_qt t',    d(L_v) = -L_vv v h' / h + L_vt t',
-    d2S = sum w [v.L_vv v (h' / h)^2 + 2 (L_t - v.p_t) t' h' / h + L_tt t'^2].
+    d2S = sum w [v.L_vv v (h' / h)^2 + 2 (L_t - v.p_t) t' h' / h + L_tt t'^2],
+
+and constraints f(q, t) = 0 add sum w lam f_t t' and sum w lam f_tt t'^2.
 
 Of higher orders, the state y = (q, v, ...) changes by D h' / h (`Action.shifts`), with D = (0, -v)
 for the first, and to second order by D2:
@@ -88,10 +90,11 @@ class Stretch:
 
     @cached_property
     def _clock(self) -> list[Array]:
-        """L_qt, p_t, L_t and L_tt."""
-        system = self.at.problem.system
+        """L_qt, p_t, L_t, and L_tt + sum lam f_tt."""
+        at, system = self.at, self.at.problem.system
         made = system.memoize("clocked", lambda: _clock_derivatives(system))
-        return [x.copy() for x in made(*self._state)]
+        lam = np.nan_to_num(at.rows)[at.tr.layout.node_of]
+        return [x.copy() for x in made(*self._state, lam)]
 
     def _along(self, which: int, by_q: Array, by_v: Array) -> Array:
         """Return D.L_y (0) or D2.L_y (1) at the evaluations, for what stands for L_q and L_v."""
@@ -104,14 +107,18 @@ class Stretch:
         change = self.longer @ (self.weight * (L + self._along(0, by_q, by_v)))
         return change + self.later @ (self.weight * by_t) if self.timed else change
 
-    def slopes(self) -> Array:
-        """Return dS, (J,), in the user's units; with constraints L stands for L + sum lam f."""
+    def slopes(self, lam: Array | None = None) -> Array:
+        """Return dS, (J,), in the user's units; with constraints L stands for L + sum lam f.
+
+        The multipliers lam (K, m) are those of the rows if None: a pinned end has none.
+        """
         force, p, L = self._first
         by_t = 0.0
         if self.timed:
             at, system = self.at, self.at.problem.system
             if system.m:
-                lam = at.lam[at.tr.layout.node_of]
+                lam = np.nan_to_num(at.rows) if lam is None else lam
+                lam = lam[at.tr.layout.node_of]
                 by_t = explicit(system)(*self._state, lam)[0][:, 0].copy()
             else:
                 by_t = system.pointwise("rate")(*self._state)[0][:, 0].copy()
@@ -201,9 +208,10 @@ def _explicit(system: System) -> Pointwise:
 
 
 def _clock_derivatives(system: System) -> Pointwise:
-    """Return the function of L_qt, L_vt, L_t and L_tt."""
-    s = system.symbols
+    """Return the function of L_qt, L_vt, L_t, and L_tt + sum lam f_tt."""
+    s, lam = system.symbols, ca.SX.sym("lam", system.m)
     rate = ca.jacobian(system.L, s.t)
-    outputs = [ca.jacobian(rate, s.q).T, ca.jacobian(rate, s.v).T, rate, ca.jacobian(rate, s.t)]
-    function = ca.Function("clocked", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in outputs])
+    whole = rate + (ca.dot(lam, ca.jacobian(system.f, s.t)) if system.m else 0)
+    outputs = [ca.jacobian(rate, s.q).T, ca.jacobian(rate, s.v).T, rate, ca.jacobian(whole, s.t)]
+    function = ca.Function("clocked", [s.q, s.v, s.t, s.p, lam], [ca.densify(x) for x in outputs])
     return Pointwise(function)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -691,10 +692,23 @@ def _check_free_time(problem: Problem) -> None:
             "expected one time that is given, where L depends on the time, found both free"
         )
     if system.m and structure.depends_on_time:
-        raise ValueError(
-            "expected a system under constraints that does not depend on the time where one is to "
-            "be found; give both times"
-        )
+        _check_left_free(problem)
+
+
+def _check_left_free(problem: Problem) -> None:
+    """Raise ValueError for a constraint that moves, and that an event of unknown time decides."""
+    system = problem.system
+    rows, columns = system.pointwise("constraint_jacobian").sparsity(0)
+    moving, _ = ca.jacobian_sparsity(system.f, system.symbols.t).get_triplet()
+    for role, event in (("start", problem.start), ("end", problem.end)):
+        given = np.isin(columns, event.pinned)
+        for i in moving:
+            if event.t is None and given[rows == i].all():
+                raise ValueError(
+                    f"expected a coordinate that is free at the {role}, for constraint row {i}, "
+                    "which moves in time, to decide, found all of them given: they tell the time "
+                    "at which they satisfy it; give that, or leave a coordinate free (None)"
+                )
 
 
 def _check_alike(problem: Problem) -> None:
@@ -813,7 +827,7 @@ def _check_on_surface(problem: Problem) -> None:
         np.add.at(scales[k], rows, G[k] * problem.scales[cols])
     if system.structure.depends_on_time:
         rate = system.pointwise("constraint_rate")(q, t, problem.packed)[0]
-        scales += np.abs(rate) * problem.duration
+        scales += np.abs(rate) * (np.abs(t) if problem.free_time else problem.duration)
     off = ~(np.abs(f) <= SURFACE_TOLERANCE * np.maximum(scales, np.finfo(float).tiny))
     for k, (role, event) in enumerate(events.items()):
         free = np.array([x is None for x in event.q])
