@@ -152,6 +152,32 @@ def test_a_guess_in_many_coordinates_is_followed_on_few_elements_that_show_it():
     assert elements(0.02, 1e-3) > COARSE_GUESS[-1]
 
 
+@pytest.mark.parametrize("points", [None, 9])
+def test_a_motion_given_as_the_guess_is_followed_on_no_finer_mesh_than_without_one(points):
+    problem = scenes.get("pendulum").problem
+    for tol in (1e-3, 1e-9, 1e-12):
+        alone = ao.solve(problem, tol=tol)
+        times = np.linspace(problem.start.t, problem.end.t, points or 2)
+        guess = alone(times) if points else alone.path.__call__
+        near = ao.solve(problem, tol=tol, guess=guess)
+        assert near.mesh.nodes.size <= alone.mesh.nodes.size
+        assert near.stats["rung"] == "guess" and abs(near.action - alone.action) < tol
+
+
+def test_waypoints_that_miss_the_turns_lead_to_the_path_through_them():
+    """Nine points of ten swings ended unresolved, after three meshes and a homotopy on each."""
+    problem = scenes.get("pendulum", duration=20.0).problem
+    alone = ao.solve(problem, tol=1e-6)
+    guess = alone(np.linspace(problem.start.t, problem.end.t, 9))
+    near = ao.solve(problem, tol=1e-6, guess=guess)
+    assert abs(near.action - alone.action) < 1e-6
+    assert "ipopt" not in near.stats["iterations"]
+    # A path that misses a waypoint is none of those near the guess.
+    guess[0, 4] += 1.0
+    far = ao.solve(problem, tol=1e-6, guess=guess, throw=False)
+    assert not far.success or abs(far.action - alone.action) > 1.0
+
+
 def test_with_a_saddle_in_hand_each_way_has_its_own_price():
     """The least path of a chain was no longer looked for when the way before had cost its own."""
     search = search_for(scenes.get("pendulum").problem)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.analysis.shooting import hermite
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.mesh import Mesh
@@ -139,6 +140,6 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
     if not np.all(np.isfinite(points)):
         raise ValueError("expected finite waypoints, found NaN or infinity")
     times = np.linspace(t0, t1, points.shape[1])
-    return lambda mesh: Path.interpolate(
-        lambda t: np.stack([np.interp(t, times, row) for row in points]), mesh
-    )
+    rates = np.gradient(points, times, axis=1, edge_order=min(points.shape[1] - 1, 2))
+    smooth = hermite(times, points, rates)
+    return lambda mesh: Path.interpolate(smooth, mesh)

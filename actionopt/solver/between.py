@@ -174,4 +174,9 @@ def _search(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
         return status
     if ws.linear and search.strategies is not IPOPT:
         return search.solve_linear(curve_of)
-    return search.from_nothing() if curve_of is None else search.from_guess(curve_of)
+    if guess is None or curve_of is None:
+        return search.from_nothing()
+    seen = None
+    if not callable(guess):  # waypoints
+        seen = Mesh.uniform(problem.start.t, problem.end.t, np.shape(guess)[-1] - 1, 1)
+    return search.from_guess(curve_of, seen)

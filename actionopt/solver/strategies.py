@@ -37,7 +37,7 @@ from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.two_sided_shooting import meetings
 from actionopt.solver.window import graded_mesh, step
-from actionopt.solver.workspace import FEW_COORDINATES, ROUGHLY, Workspace
+from actionopt.solver.workspace import FEW_COORDINATES, FOLLOWED_REACH, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime, Watch
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
@@ -66,9 +66,10 @@ MEETING_PAIRS, MEETING_ELEMENTS = 32, 48
 MEETING_LOST = 3
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
-# Elements tried before where coordinates are many, of a guess and of Newton's method. Measured on
-# chains, bodies and lattices: half the time and a third of it less, at any tolerance.
-COARSE_GUESS, FIRST_FEW = (4, 8), 2
+# Elements tried before, of a guess and of Newton's method, the first where coordinates are many.
+# Measured on chains, bodies and lattices: half the time and a third of it less, at any tolerance.
+COARSE_GUESS = (2, 4, 8)
+FIRST_FEW = COARSE_GUESS[0]
 # Unknowns and rows from which a rough path settles on its surface before Newton's method is tried,
 # which takes three factorizations to fail; ad hoc: from there one takes a seventh of a second.
 SETTLED_FIRST = 20_000
@@ -406,11 +407,15 @@ class Search:
             self.ws.best = ws.best or self.ws.best
             raise
         if status in REACHED:
-            ws.record = ws.record.after(self.ws.record)
-            self.ws, self.found_by, self.least = ws, around.found_by, around.least
+            self._take(around)
         else:
             self.ws.unpolished = self.ws.unpolished or ws.unpolished
         return status
+
+    def _take(self, other: Search) -> None:
+        """Go on with what another search for the same path has found."""
+        other.ws.record = other.ws.record.after(self.ws.record)
+        self.ws, self.found_by, self.least = other.ws, other.found_by, other.least
 
     @property
     def _may_be_least(self) -> bool:
@@ -581,35 +586,63 @@ class Search:
         near = (not ws.astray and ws.follow()) or ws.approach(PATIENT)
         return self.refine() if near else Status.NOT_FOUND
 
-    def from_guess(self, curve_of: Callable[[Mesh], Path]) -> Status:
-        """Follow the guess, or find the stationary path near it, or continue from it."""
+    def from_guess(self, curve_of: Callable[[Mesh], Path], seen: Mesh | None = None) -> Status:
+        """Follow the guess, or find the stationary path near it, or continue from it.
+
+        Of the guess only the nodes of `seen` are known, if it is given.
+        """
         self.begin("guess")
         status = self._from_few(curve_of)
         if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
             return status
-        for coarse in self._fine_enough(curve_of):
+        meshes = self._fine_enough(curve_of)
+        for coarse in meshes:
             curve = self.settle or curve_of(coarse)
             own = curve.mesh is not coarse and coarse.elements == GUESS_MESHES[0]
             mesh = self.given or (curve.mesh if own else coarse)
             self.ws.transcribe(mesh, curve, like=curve)
-            if self._near():
+            near = self._near()
+            if not near and coarse is meshes[0]:
+                found = self._quickly_past(curve_of(seen or coarse))
+                if found in REACHED:
+                    return found
+            near = near or self._continue(first=coarse is meshes[0])
+            if near:
                 status = self.refine()
                 if status is not Status.UNRESOLVED:
                     break
         return status
 
+    def _quickly_past(self, seen: Path) -> Status:
+        """Seek a path by quick ways from nothing, if it passes near the nodes of the guess `seen`.
+
+        A guess of few points that misses the turns of a motion leads nowhere by itself.
+        """
+        if self.strategies in (IPOPT, GUESS_ONLY) or self.given is not None:
+            return Status.NOT_FOUND
+        other = Search(self.ws.again(), self.tol, self.principle, None, CHEAP)
+        other.may_be_least = self._may_be_least
+        status = other._try(CHEAP)
+        if status in REACHED:
+            here = other.ws.here
+            away = np.abs(here.path(seen.mesh.nodes) - seen.values).max(axis=1)
+            if np.any(away > FOLLOWED_REACH * here.sizes):
+                return Status.NOT_FOUND
+            self._take(other)
+        return status
+
     def _from_few(self, curve_of: Callable[[Mesh], Path]) -> Status:
-        """Follow the guess on few elements that show all of it, where coordinates are many."""
+        """Follow the guess on few elements that show all of it."""
         ws = self.ws
-        if self.given is not None or self.strategies is IPOPT or not ws.many_coordinates:
+        if self.given is not None or self.strategies is IPOPT:
             return Status.NOT_FOUND
         fine = self._uniform(GUESS_MESHES[0], COARSE_DEGREE)
         curve = curve_of(fine)
         if curve.mesh is not fine:
             return Status.NOT_FOUND
         hidden = GUESS_RESOLUTION * sizes(curve.values.T, ws.problem.scales)[:, None]
-        for elements in COARSE_GUESS:
-            few = curve_of(self._uniform(elements, COARSE_DEGREE))
+        for elements in COARSE_GUESS[0 if ws.many_coordinates else 1 :]:
+            few = curve_of(self._uniform(elements, self._fine_degree()))
             if np.all(np.abs(few.on(fine).values - curve.values) <= hidden):
                 ws.transcribe(few.mesh, few, like=few)
                 near = self._settles() and ws.here.rough < ROUGHLY
@@ -617,7 +650,7 @@ class Search:
         return Status.NOT_FOUND
 
     def _near(self) -> bool:
-        """Move the iterate at hand to the stationary path near it, or some way towards it."""
+        """Move the iterate at hand to the stationary path near it."""
         ws, first = self.ws, self.ws.here
         if self.strategies is IPOPT:
             return ws.root()
@@ -630,8 +663,14 @@ class Search:
                 if ws.approach(PATIENT):
                     return True
             ws.here = settled
-        # A guess is worth seconds, not minutes.
-        return self.strategies is not GUESS_ONLY and (ws.root() or (not ws.large and ws.homotopy()))
+        return False
+
+    def _continue(self, *, first: bool) -> bool:
+        """Continue from the iterate at hand, by what takes longest on the `first` mesh alone."""
+        ws = self.ws
+        if self.strategies in (IPOPT, GUESS_ONLY):
+            return False
+        return ws.root() or (first and not ws.large and ws.homotopy())
 
     def _settles(self) -> bool:
         """Move the iterate at hand to the stationary path next to it, as far as that is quick."""
