@@ -32,6 +32,59 @@ def test_a_pulse_of_a_thousandth_is_not_missed(width, tol):
         assert np.max(np.abs(solution(t) - exact)) / np.max(np.abs(exact)) <= solution.error
 
 
+@pytest.mark.parametrize(("width", "tol"), [(1e-4, 1e-9), (1e-6, 1e-3)])
+def test_a_pulse_narrower_than_all_samples_is_found_by_its_exponent(width, tol):
+    t, c = np.linspace(0, 1, 4001), 0.38197
+    solution = ao.solve(kicked("free body", c, width), tol=tol)
+    exact = closed_form(c, width)(t)
+    assert np.max(np.abs(solution(t) - exact)) / np.max(np.abs(exact)) <= max(tol, solution.error)
+
+
+W = 1e-5
+HIDDEN = {  # forces of the time, and their integrals
+    "gaussian": (lambda t: np.exp(-(((t - 0.7) / W) ** 2)) / (W * np.sqrt(np.pi)), 1.0),
+    "hyperbolic": (lambda t: 1 / (W * np.cosh((t - 0.7) / W) ** 2), 2.0),
+    "tail": (lambda t: (1 + ((t - 0.7) / W) ** 2) ** -1.5 / W, 2.0),
+    "train": (lambda t: np.exp(-((np.sin(3 * np.pi * t) / W) ** 2)) / W, 2 / (3 * np.sqrt(np.pi))),
+}
+
+
+@pytest.mark.parametrize("form", HIDDEN)
+def test_what_is_hidden_between_samples_changes_the_momentum(form):
+    force, impulse = HIDDEN[form]
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + force(t) * q[0], ["x"])
+    t0, t1 = 0.05, 0.95
+    solution = ao.solve(ao.Problem(system, ao.Event(t0, [0.0]), ao.Event(t1, [1.0])), tol=1e-6)
+    change = solution.velocity(t1)[0] - solution.velocity(t0)[0]
+    assert change == pytest.approx(impulse, rel=1e-4)
+
+
+def test_a_hidden_step_and_a_hidden_kick_of_a_beam():
+    """By closed forms: of a body that is pushed from 0.3 on, and of a beam with a force at 0.7."""
+    step = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] / (1 + np.exp(-(t - 0.3) / 1e-6)), ["x"])
+    ends = ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])
+    solution = ao.solve(ao.Problem(step, *ends), tol=1e-9)
+    assert solution.start.v == pytest.approx([1 - 0.7**2 / 2], abs=1e-9)
+    assert [after for _, after in solution.problem.boundaries] == pytest.approx([0.3])
+    force, _ = HIDDEN["gaussian"]
+    beam = ao.System(lambda q, v, a, t: a[0] ** 2 / 2 + 3 * force(t) * q[0], ["x"])
+    solution = ao.solve(ao.Problem(beam, *ends), tol=1e-3)
+    slope = 1 - 3 * 0.3 / 6 + 3 * 0.3**3 / 6  # the shear jumps by 3 at 0.7, no moment at the ends
+    assert solution.start.v == pytest.approx([slope], abs=1e-3)
+
+
+def test_what_is_wide_needs_no_boundary():
+    wide = [
+        lambda t: np.exp(-((t - 0.3) ** 2) / 0.01**2),
+        lambda t: np.exp(-3 * t) + np.tanh(30 * (t - 0.4)),
+        lambda t: 1 / (1 + (t - 0.5) ** 2) + np.sqrt(1 + 100 * t**2),
+    ]
+    for force in wide:
+        system = ao.System(lambda q, v, t, force=force: v[0] ** 2 / 2 + force(t) * q[0], ["x"])
+        problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
+        assert problem.boundaries == ()
+
+
 @pytest.mark.parametrize("tol", a_quarter([1e-9, 1e-3]))
 def test_a_pulse_on_a_pendulum_changes_its_momentum_by_one(tol):
     w = 0.001 / FWHM

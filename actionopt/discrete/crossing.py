@@ -21,11 +21,11 @@ from actionopt.discrete.energy_balance import (
 )
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.switches import Switches
 from actionopt.mechanics.tracing import SAMPLES
 from actionopt.tools.types import Array
 
-BISECTIONS = 60  # between two samples there are no more floats to halve
 LONGEST_TEXT = 60  # of a surface that is told; ad hoc
 CONTINUOUS = 1e-9  # of the largest |L| along the path: branches this close meet; ad hoc
 # Distances from a jump to either side, in units of the shortest, at which L is compared. A jump is

@@ -544,7 +544,7 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())
-    if not plain or late or system.switches is not None or system.clock is not None:
+    if not plain or late or problem.boundaries or system.switches or system.clock:
         return False
     try:
         for name in PROGRAMS:

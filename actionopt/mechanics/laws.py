@@ -17,6 +17,7 @@ import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import CLOCKED, ClockSwitches, clock
+from actionopt.mechanics.pulses import PULSES, pulses
 from actionopt.mechanics.switches import (
     STEPPED,
     Switches,
@@ -221,6 +222,13 @@ class Laws:
         if not self.structure.depends_on_time or CLOCKED.isdisjoint(self.structure.operations):
             return None
         return clock(self.symbols, self.L, self.f, self.Q)
+
+    @Once
+    def pulses(self) -> Pointwise | None:
+        """Return what tells of pulses in the time alone; None where there can be none."""
+        if not self.structure.depends_on_time or PULSES.isdisjoint(self.structure.operations):
+            return None
+        return pulses(self.symbols, self.L, self.f, self.Q)
 
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
         """Whether an output of a compiled function depends on any of these inputs."""

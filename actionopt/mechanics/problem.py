@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 from actionopt.mechanics.course import check_course, check_rates, take_turns
 from actionopt.mechanics.events import Event, Periodic, Tail
 from actionopt.mechanics.identity import general_points
-from actionopt.mechanics.instants import Instant, instants
+from actionopt.mechanics.instants import Instant, instants, merge
 from actionopt.mechanics.obstacle import check_outside, check_rows
+from actionopt.mechanics.pulses import centres
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_parameters, with_surface
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
@@ -511,16 +512,16 @@ class Problem:
 
     @cached_property
     def boundaries(self) -> tuple[Instant, ...]:
-        """Where elements end: the `instants`, and where a phase is set."""
-        if self.through:
-            apart = 8 * EPS * max(abs(self.start.t), abs(self.end.t), self.duration)
-            known = np.array([after for _, after in self.instants])
-            more = [(e.t, e.t) for e in self.through if not (abs(known - e.t) <= apart).any()]
-            return tuple(sorted([*self.instants, *more]))
-        phase = self.start.phase if isinstance(self.start, Tail) else None
-        if phase is None:
+        """Where elements end: the `instants`, events, pulses, and where a phase is set."""
+        more, pulses = [e.t for e in self.through], self.system.pulses
+        if isinstance(self.start, Tail) and self.start.phase is not None:
+            more.append(self.start.phase.t)
+        if pulses is not None:
+            more += centres(pulses, self.start.t, self.end.t, self.packed)
+        if not more:
             return self.instants
-        return tuple(sorted([*self.instants, (phase.t, phase.t)]))
+        apart = 8 * EPS * max(abs(self.start.t), abs(self.end.t), self.duration)
+        return tuple(merge([*self.instants, *((t, t) for t in more)], apart))
 
     @cached_property
     def instants(self) -> tuple[Instant, ...]:

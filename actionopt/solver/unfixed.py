@@ -157,7 +157,7 @@ class Unfixed(Workspace[UnfixedPath]):
         mesh = with_degrees(mesh, self.problem.system.order)
         if self.problem.is_joined:
             return with_boundaries(mesh, self.here.problem.boundaries)
-        if self.problem.system.clock is None:
+        if self.problem.system.clock is self.problem.system.pulses is None:
             return mesh
         return with_boundaries(mesh, over(self.problem.loose, mesh.duration).boundaries)
 

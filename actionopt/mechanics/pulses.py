@@ -1,0 +1,91 @@
+"""The instants of pulses: where a law varies in a moment of the time alone, between all samples.
+
+A force such as exp(-((t - c) / w)^2) is seen by no sample if w is small, but the exponent is, from
+any distance. Where a function of the time f(u(t)) can be narrow there is a g(t) that is least in
+the middle of what is narrow, as wide as g'' says, and whose slope points there from both sides:
+
+    exp u              g = -u, a pulse; and u^2: where 1 / (1 + exp u) is a step
+    tanh u, erf u, ..  g = u^2
+    1 / u, u^a, log u  g = log |u|
+
+In g = g(c) + ((t - c) / s)^2 + ... the pulse has the width s = sqrt(2 / g''(c)). Elements that end
+at c see it, and refinement finds the rest. Of two within one interval of the samples none is
+found, nor what depends on q as well.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.switches import POWERS, QUOTIENTS, ROOTS
+from actionopt.mechanics.tracing import SAMPLES, Symbols
+from actionopt.tools.tape import Node, Tape, apply
+from actionopt.tools.types import Array
+
+EXPONENTIALS = {ca.OP_EXP, ca.OP_EXPM1}
+SIGMOIDS = {ca.OP_TANH, ca.OP_ERF, ca.OP_SINH, ca.OP_COSH, ca.OP_ATAN, ca.OP_ASINH}
+TAILS = {*QUOTIENTS, *POWERS, *ROOTS}
+PULSES = EXPONENTIALS | SIGMOIDS | TAILS
+# Parts of the duration; a Gaussian of this s has the width 1 / SAMPLES at half its height, 2.5
+# times what the samples are promised to see.
+HIDDEN = 2.5 / SAMPLES / (2 * np.sqrt(np.log(2)))
+BISECTIONS = 60  # between two samples there are no more floats to halve
+
+
+def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
+    """Return the first and second derivatives by t of all g of these laws, of (t, p); or None."""
+    arguments = [s.q, s.v, s.t, s.p]
+    slopes: list[ca.SX] = []
+
+    def of_time(node: Node, operands: list[tuple[ca.SX, bool] | None]) -> Any:
+        """Return an expression and whether it depends on the time; None if on the path."""
+        if node.kind == "constant":
+            return ca.SX(node.value), False
+        if node.kind == "input":
+            of, row = node.entry
+            return None if of < 2 else (arguments[of][row], of == 2)
+        u = operands[-1 if node.operation in QUOTIENTS else 0]
+        if u is not None and u[1]:
+            rate = ca.jacobian(u[0], s.t)
+            if node.operation in EXPONENTIALS:
+                slopes.append(-rate)
+            if node.operation in TAILS:
+                slopes.append(rate / u[0])
+            elif node.operation in PULSES:
+                slopes.append(2 * u[0] * rate)
+        plain = [operand for operand in operands if operand is not None]
+        if len(plain) < len(operands):
+            return None
+        return apply(node.operation, [x for x, _ in plain]), any(timed for _, timed in plain)
+
+    Tape(arguments, laws).fold(of_time)
+    varied = [slope for slope in slopes if ca.depends_on(slope, s.t)]
+    if not varied:
+        return None
+    first = ca.vertcat(*varied)
+    both = [ca.densify(first), ca.densify(ca.jacobian(first, s.t))]
+    return Pointwise(ca.Function("pulses", [s.t, s.p], both))
+
+
+def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[float]:
+    """Return the middles of all pulses from `start` to `end` that samples may miss, in order."""
+    times = np.linspace(start, end, SAMPLES)
+    with np.errstate(all="ignore"):
+        slope = known(times[:, None], packed)[0]
+        # Across what is hidden g' grows by at least h g'' = 2 h / s^2 (a logarithm's by 4 / h).
+        grown = np.diff(slope, axis=0) * (times[1] - times[0]) > 0.5
+        k, which = np.nonzero(grown & (slope[:-1] < 0) & (slope[1:] > 0))
+        if not 0 < k.size < SAMPLES:
+            return []
+        a, b, each = times[k], times[k + 1], np.arange(k.size)
+        for _ in range(BISECTIONS):
+            middle = a + (b - a) / 2
+            rises = known(middle[:, None], packed)[0][each, which] > 0
+            a, b = np.where(rises, a, middle), np.where(rises, middle, b)
+        bent = known(b[:, None], packed)[1][each, which]
+        narrow = bent * (HIDDEN * (end - start)) ** 2 > 2
+    return np.unique(b[narrow]).tolist()
