@@ -354,7 +354,9 @@ def test_a_path_relaxes_or_runs_away_and_the_machine_hunts(folder, chromium):
     chromium.run("document.querySelector('.live').live.setDuration(4)")
     press(chromium, "bend")
     press(chromium, "relax")
-    assert "runs away" in chromium.run("document.querySelector('.live .message').textContent")
+    assert "left the picture" in chromium.run(
+        "document.querySelector('.live .message').textContent"
+    )
 
 
 def test_arrows_end_to_end(folder, chromium):

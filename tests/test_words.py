@@ -138,7 +138,8 @@ def test_languages_are_spoken_meanwhile():
 
 def test_the_script_of_the_live_figure_fills_its_words():
     script = (STATIC / "live.js").read_text(encoding="utf-8")
-    used = set(re.findall(r"\bW\.(\w+)", script))
+    said = (STATIC / "sentences.js").read_text(encoding="utf-8")
+    used = set(re.findall(r"\bW\.(\w+)", script)) | set(re.findall(r"(\w+): \(m?\) =>", said))
     buttons = {"solve", "relax", "hunt", "bend", "wave", "half", "restart"}  # W[name]
     assert used | buttons == set(PAGE_WORDS)
     for key, values in re.findall(r"filled\(W\.(\w+), \{(.*?)\}\)", script):

@@ -56,7 +56,7 @@ def data(problem: Problem, solution: Solution, units: UnitNames = NO_UNITS) -> d
         "sizes": problem.lengths.tolist(),
         "answer": found.path(mesh.nodes).T.ravel().tolist(),
         "action": solution.action,
-        "conjugate": continued.times,
+        "conjugate": None if None in (*problem.start.q, *problem.end.q) else continued.times,
         "parameters": _parameters(problem),
         "coordinates": [
             {

@@ -27,7 +27,7 @@ from actionopt.tools.files import ready, write
 from actionopt.tools.greek import letter
 from actionopt.tools.words import say
 
-SCRIPTS = ("action.js", "live.js")
+SCRIPTS = ("action.js", "sentences.js", "live.js")
 MINUS_SIGN = "\N{MINUS SIGN}"
 PAGE_TOL = 1e-10  # of the path that the page has as its answer
 

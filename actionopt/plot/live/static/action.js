@@ -9,7 +9,10 @@ globalThis.actionopt = (() => {
   const SEEN = 160; // points of a curve
   const DEPENDENT = 1e-9; // of a constraint's gradient, what is left of one that others imply
   const STRIDE = 0.1, SHORTEST = 1e-3; // of a duration: the first step along a motion, and the last
+  const FAMILY = 48; // steps over all durations
   const TOUCHING = 1e-5; // of its largest value: what is none of a determinant that does not change its sign
+  const RESOLVED = 1e-9, TRUSTED = 1e-6, ROUNDS = 12, UNKNOWNS = 1200; // of the coordinates' sizes; of refinement; most
+  const WORST = 0.03; // of the largest residual of an element: those that are cut
   const FLAT = 1e-6; // of the kinetic part of the second variation: eigenvalues that are zero
 
   // Abramowitz and Stegun 7.1.6, and by continued fractions where that takes long (7.1.14).
@@ -32,31 +35,34 @@ globalThis.actionopt = (() => {
     return { out, places, at: (x) => (run(x, out, memory), out) };
   }
 
-  // -- linear algebra: square matrices row by row, `band` entries either side of the diagonal
+  // -- linear algebra: square matrices of `band` entries either side of the diagonal. Row r has its
+  // entry of column c at r stride + c; what elimination adds on the right has room.
+  const stride = (N, band) => Math.min(N, 3 * band);
+  const blank = (N, band) => new Float64Array(N * (stride(N, band) + 1));
 
   // Gauss's elimination with partial pivoting, in place; returns the function b -> x.
   function factored(A, N, band) {
-    const pivots = new Int32Array(N);
+    const pivots = new Int32Array(N), W = stride(N, band);
     for (let i = 0; i < N; i++) {
       const last = Math.min(N - 1, i + band), right = Math.min(N - 1, i + 2 * band);
       let p = i;
-      for (let r = i + 1; r <= last; r++) if (Math.abs(A[r * N + i]) > Math.abs(A[p * N + i])) p = r;
+      for (let r = i + 1; r <= last; r++) if (Math.abs(A[r * W + i]) > Math.abs(A[p * W + i])) p = r;
       pivots[i] = p;
-      if (p !== i) for (let c = i; c <= right; c++) [A[i * N + c], A[p * N + c]] = [A[p * N + c], A[i * N + c]];
+      if (p !== i) for (let c = i; c <= right; c++) [A[i * W + c], A[p * W + c]] = [A[p * W + c], A[i * W + c]];
       for (let r = i + 1; r <= last; r++) {
-        const x = (A[r * N + i] /= A[i * N + i]);
-        if (x) for (let c = i + 1; c <= right; c++) A[r * N + c] -= x * A[i * N + c];
+        const x = (A[r * W + i] /= A[i * W + i]);
+        if (x) for (let c = i + 1; c <= right; c++) A[r * W + c] -= x * A[i * W + c];
       }
     }
     return (b) => {
       const x = b.slice();
       for (let i = 0; i < N; i++) {
         [x[i], x[pivots[i]]] = [x[pivots[i]], x[i]];
-        for (let r = i + 1; r <= Math.min(N - 1, i + band); r++) x[r] -= A[r * N + i] * x[i];
+        for (let r = i + 1; r <= Math.min(N - 1, i + band); r++) x[r] -= A[r * W + i] * x[i];
       }
       for (let i = N - 1; i >= 0; i--) {
-        for (let c = i + 1; c <= Math.min(N - 1, i + 2 * band); c++) x[i] -= A[i * N + c] * x[c];
-        x[i] /= A[i * N + i];
+        for (let c = i + 1; c <= Math.min(N - 1, i + 2 * band); c++) x[i] -= A[i * W + c] * x[c];
+        x[i] /= A[i * W + i];
       }
       return x;
     };
@@ -64,13 +70,14 @@ globalThis.actionopt = (() => {
 
   // The number of negative eigenvalues of a symmetric A: the signs of its pivots (Sylvester).
   function negative(A, N, band) {
+    const W = stride(N, band);
     let count = 0;
     for (let i = 0; i < N; i++) {
-      const pivot = A[i * N + i] || Number.MIN_VALUE, last = Math.min(N - 1, i + band);
+      const pivot = A[i * W + i] || Number.MIN_VALUE, last = Math.min(N - 1, i + band);
       count += pivot < 0;
       for (let r = i + 1; r <= last; r++) {
-        const x = A[r * N + i] / pivot;
-        if (x) for (let c = i + 1; c <= last; c++) A[r * N + c] -= x * A[i * N + c];
+        const x = A[r * W + i] / pivot;
+        if (x) for (let c = i + 1; c <= last; c++) A[r * W + c] -= x * A[i * W + c];
       }
     }
     return count;
@@ -103,9 +110,8 @@ globalThis.actionopt = (() => {
     // `data` is that of `figure.py`; `duration` and `p`, the packed parameters, may be changed.
     constructor(data) {
       const { law, rule, elements } = data;
-      Object.assign(this, { data, n: law.n, m: law.m, forced: law.forced, elements });
+      Object.assign(this, { data, n: law.n, m: law.m, forced: law.forced });
       this.degree = rule.nodes.length - 1;
-      this.count = elements * this.degree + 1; // nodes
       this.first = compiled(law.first);
       this.second = compiled(law.second);
       this.sizes = data.sizes; // of the coordinates
@@ -113,13 +119,39 @@ globalThis.actionopt = (() => {
       this.duration = data.duration;
       this.p = Float64Array.from(data.p);
       this.ends = [data.q0, data.q1].map((row) => Array.from(row)); // null where it is free
-      this.shares = Array.from({ length: this.count }, (_, k) => {
-        const e = Math.min(Math.floor(k / this.degree), elements - 1);
-        return (e + (1 + rule.nodes[k - e * this.degree]) / 2) / elements;
-      });
+      this.lay(Array.from({ length: elements + 1 }, (_, e) => e / elements));
     }
 
-    get half() { return this.duration / this.elements / 2; }
+    // Elements between `bounds`, shares of the duration.
+    lay(bounds) {
+      const { degree } = this, { nodes } = this.data.rule;
+      this.bounds = bounds;
+      this.elements = bounds.length - 1;
+      this.count = this.elements * degree + 1; // nodes
+      this.shares = Array.from({ length: this.count }, (_, k) => {
+        const e = Math.min(Math.floor(k / degree), this.elements - 1), x = (1 + nodes[k - e * degree]) / 2;
+        return x === 1 ? bounds[e + 1] : bounds[e] + x * (bounds[e + 1] - bounds[e]);
+      });
+      return this;
+    }
+
+    // The same action on another mesh, with these elements cut in halves, and a path carried to it.
+    split(cut = () => true) {
+      const { bounds } = this, finer = Object.assign(Object.create(Action.prototype), this);
+      return finer.lay(bounds.flatMap((a, e) => (e < this.elements && cut(e) ? [a, (a + bounds[e + 1]) / 2] : [a])));
+    }
+
+    // The same action on the mesh of the page's data.
+    coarse() { return this.split(() => false).lay(Array.from({ length: this.data.elements + 1 }, (_, e) => e / this.data.elements)); }
+
+    carried(Q, other) {
+      if (other === this) return Q;
+      const found = new Float64Array(other.count * this.n);
+      other.shares.forEach((s, k) => found.set(this.sample(Q, s), k * this.n));
+      return found;
+    }
+
+    half(e) { return (this.duration * (this.bounds[e + 1] - this.bounds[e])) / 2; }
     times() { return this.shares.map((s) => this.start + s * this.duration); }
     node(e, k) { return e * this.degree + k; }
     row(Q, k) { return Q.subarray(k * this.n, (k + 1) * this.n); }
@@ -132,7 +164,7 @@ globalThis.actionopt = (() => {
     weights() {
       const found = new Float64Array(this.count);
       for (let e = 0; e < this.elements; e++)
-        this.data.rule.weights.forEach((w, k) => (found[this.node(e, k)] += w * this.half));
+        this.data.rule.weights.forEach((w, k) => (found[this.node(e, k)] += w * this.half(e)));
       return found;
     }
 
@@ -144,19 +176,21 @@ globalThis.actionopt = (() => {
         let rate = 0;
         for (let j = 1; j <= this.degree; j++) rate += derivative[k][j] * (Q[first + j * this.n + i] - origin);
         q[i] = Q[first + k * this.n + i];
-        v[i] = rate / this.half;
+        v[i] = rate / this.half(e);
       }
     }
 
-    time(e, k) { return this.start + this.half * (2 * e + 1 + this.data.rule.nodes[k]); }
+    time(e, k) { return this.at(e, this.data.rule.nodes[k]); }
+    at(e, x) { return this.start + this.duration * this.bounds[e] + this.half(e) * (1 + x); }
 
     // S, and into g (K n) its gradient with the virtual work of the forces.
     value(Q, g) {
-      const { weights, derivative } = this.data.rule, { n, half } = this;
+      const { weights, derivative } = this.data.rule, { n } = this;
       const q = new Float64Array(n), v = new Float64Array(n), x = [q, v, [0], this.p];
       let S = 0;
       if (g) g.fill(0);
-      for (let e = 0; e < this.elements; e++)
+      for (let e = 0; e < this.elements; e++) {
+        const half = this.half(e);
         for (let k = 0; k <= this.degree; k++) {
           this.place(Q, e, k, q, v);
           x[2][0] = this.time(e, k);
@@ -169,6 +203,7 @@ globalThis.actionopt = (() => {
             for (let j = 0; j <= this.degree; j++) g[base + j * n + i] += w * derivative[k][j] * Lv[i];
           }
         }
+      }
       return S;
     }
 
@@ -182,7 +217,7 @@ globalThis.actionopt = (() => {
         for (let i = +(e > 0); i <= parts; i++) {
           const at = new Float64Array(n), v = new Float64Array(n);
           basis[i].forEach((c, k) => { for (let j = 0; j < n; j++) { at[j] += c * Q[this.node(e, k) * n + j]; v[j] += c * rates[k][j]; } });
-          rows.push({ t: this.start + 2 * this.half * (e + i / parts), q: at, v });
+          rows.push({ t: this.at(e, (2 * i) / parts - 1), q: at, v });
         }
       }
       return rows;
@@ -199,13 +234,14 @@ globalThis.actionopt = (() => {
     // [t, L] along what is `seen`.
     along(rows) { return rows.map(({ t, q, v }) => [t, this.first.at([q, v, [t], this.p])[0][0]]); }
 
-    // The Hessian of S + sum w lam f, with the derivatives of the forces, (K n)^2; `kinetic` only
-    // what d2L/dv2 makes of it.
+    // The Hessian of S + sum w lam f, with the derivatives of the forces, (K n)^2, of `nodal` band;
+    // `kinetic` only what d2L/dv2 makes of it.
     hessian(Q, lam, kinetic = false) {
-      const { weights, derivative } = this.data.rule, { n, half, degree } = this, N = this.count * n;
+      const { weights, derivative } = this.data.rule, { n, degree } = this, N = this.count * n, W = stride(N, this.nodal);
       const q = new Float64Array(n), v = new Float64Array(n), none = new Float64Array(this.m);
-      const x = [q, v, [0], this.p, none], A = new Float64Array(N * N), [W, forces, , curved] = this.second.places;
-      for (let e = 0; e < this.elements; e++)
+      const x = [q, v, [0], this.p, none], A = blank(N, this.nodal), [bent, forces, , curved] = this.second.places;
+      for (let e = 0; e < this.elements; e++) {
+        const half = this.half(e);
         for (let k = 0; k <= degree; k++) {
           this.place(Q, e, k, q, v);
           x[2][0] = this.time(e, k);
@@ -216,7 +252,7 @@ globalThis.actionopt = (() => {
             const from = a < n ? [k, k] : [0, degree], to = b < n ? [k, k] : [0, degree];
             for (let i = from[0]; i <= from[1]; i++) {
               const left = w * value * (a < n ? 1 : slope[i] / half), row = base + i * n + (a % n);
-              for (let j = to[0]; j <= to[1]; j++) A[row * N + base + j * n + (b % n)] += left * (b < n ? 1 : slope[j] / half);
+              for (let j = to[0]; j <= to[1]; j++) A[row * W + base + j * n + (b % n)] += left * (b < n ? 1 : slope[j] / half);
             }
           };
           const both = ([rows, cols], values) => {
@@ -225,13 +261,16 @@ globalThis.actionopt = (() => {
               if (rows[i] !== cols[i]) add(cols[i], rows[i], values[i]);
             }
           };
-          both(W, out[0]);
+          both(bent, out[0]);
           if (kinetic) continue;
           for (let i = 0; i < out[1].length; i++) add(forces[0][i], forces[1][i], out[1][i]);
           if (lam) both(curved, out[3]);
         }
+      }
       return A;
     }
+
+    get nodal() { return (this.degree + 1) * this.n - 1; } // unknowns of an element
 
     // -- constraints, node by node
 
@@ -345,13 +384,14 @@ globalThis.actionopt = (() => {
 
     // Z' A Z for bases of rows and columns at each node.
     within(A, left, right = left) {
-      const { n, degree, count } = this, N = count * n, a = this.offsets(left), b = this.offsets(right);
-      const M = b[count], R = new Float64Array(a[count] * M);
+      const { n, degree, count } = this, N = stride(count * n, this.nodal), a = this.offsets(left), b = this.offsets(right);
+      const band = this.band(right), M = stride(b[count], band), R = blank(b[count], band);
       const scaled = (planes) => planes.map(({ tangent }) => tangent.map((z) => z.map((x, i) => x * this.sizes[i])));
       const Y = scaled(left), Z = scaled(right), half = new Float64Array(n);
       for (let k = 0; k < count; k++)
-        for (let r = 0; r < Y[k].length; r++)
-          for (let l = Math.max(0, k - degree); l <= Math.min(count - 1, k + degree); l++) {
+        for (let r = 0; r < Y[k].length; r++) { // nodes of the elements that it is in
+          const first = Math.floor((k - 1) / degree) * degree, last = Math.floor(k / degree) * degree + degree;
+          for (let l = Math.max(0, first); l <= Math.min(count - 1, last); l++) {
             half.fill(0);
             for (let i = 0; i < n; i++) {
               const y = Y[k][r][i];
@@ -359,6 +399,7 @@ globalThis.actionopt = (() => {
             }
             for (let s = 0; s < Z[l].length; s++) R[(a[k] + r) * M + b[l] + s] = dot(Z[l][s], half);
           }
+        }
       return R;
     }
 
@@ -451,6 +492,81 @@ globalThis.actionopt = (() => {
       return null;
     }
 
+    // What a stationary path leaves between its nodes, seen on the mesh twice as fine: `off`, how far
+    // its residual moves it, relative to the coordinates' sizes, and `error`, that of S; with the elements
+    // that are the worst. The residual is measured by the kinetic part of the second variation alone,
+    // which is no less definite where paths are conjugate.
+    doubt(Q) {
+      const fine = this.split(), at = this.carried(Q, fine), bare = { off: Infinity, error: Infinity, known: false, worst: () => true };
+      if (!fine.project(at)) return bare;
+      const g = fine.gradient(at), planes = fine.planes(at), r = fine.reduced(g, planes), place = fine.offsets(planes);
+      const y = factored(fine.within(fine.hessian(at, null, true), planes), r.length, fine.band(planes))(r.map((x) => -x));
+      const off = largest(y), error = Math.abs(fine.value(at) - this.value(Q)) + Math.abs(dot(r, y)), w = fine.weights();
+      if (!Number.isFinite(off + error)) return bare;
+      const left = Float64Array.from({ length: this.elements }, (_, e) => {
+        let sum = 0;
+        for (let k = 2 * e * this.degree + 1; k < 2 * (e + 1) * this.degree; k++)
+          for (let i = place[k]; i < place[k + 1]; i++) sum += r[i] ** 2 / w[k];
+        return Math.sqrt(sum);
+      });
+      const most = largest(left);
+      return { off, error, known: off < TRUSTED, worst: (e) => left[e] >= WORST * most };
+    }
+
+    // The stationary path that `ask` finds near Q, on a mesh fine enough for it, as far as there is one:
+    // { A, Q, off, error, known }: `known` if it is resolved; null if there is none.
+    resolved(Q, ask = (A, at) => A.newton(at)) {
+      let A = this, found = ask(A, Q), before = Infinity;
+      for (let round = 0; found; round++) {
+        const doubt = A.doubt(found), finer = A.split(doubt.worst);
+        const enough = doubt.off < RESOLVED || (doubt.known && doubt.off > before / 2); // round-off is all that is left
+        if (enough || round === ROUNDS || finer.count * this.n > UNKNOWNS) return { A, Q: found, ...doubt };
+        before = doubt.off;
+        found = ask(finer, A.carried(found, finer));
+        A = finer;
+      }
+      return null;
+    }
+
+    // S, how far a finer mesh would have it elsewhere, and what round-off leaves of it.
+    sum(Q) {
+      const fine = this.split(), at = this.carried(Q, fine), S = this.value(Q);
+      const error = fine.project(at) ? Math.abs(fine.value(at) - S) : Infinity;
+      let whole = 0;
+      for (let e = 0; e < this.elements; e++) {
+        const q = new Float64Array(this.n), v = new Float64Array(this.n);
+        for (let k = 0; k <= this.degree; k++) {
+          this.place(Q, e, k, q, v);
+          whole += this.half(e) * this.data.rule.weights[k] * Math.abs(this.first.at([q, v, [this.time(e, k)], this.p])[0][0]);
+        }
+      }
+      return { S, error, noise: 4 * Number.EPSILON * whole };
+    }
+
+    // S(Q) - S(P) by its gradient between them, where the difference is lost in round-off.
+    between(P, Q) {
+      const { nodes, weights } = this.data.rule, by = Q.map((x, i) => x - P[i]);
+      return nodes.reduce((sum, x, k) => sum + (weights[k] / 2) * dot(this.gradient(P.map((y, i) => y + ((1 + x) / 2) * by[i])), by), 0);
+    }
+
+    // How S ranges over bends as large as the coordinates: what is none beside it is none of S, which
+    // knows no zero. Half of the kinetic part of the second variation along half a wave.
+    range(Q) {
+      const { n, duration } = this, { weights } = this.data.rule, q = new Float64Array(n), v = new Float64Array(n);
+      const x = [q, v, [0], this.p, new Float64Array(this.m)], [rows, cols] = this.second.places[0];
+      let sum = 0;
+      for (let e = 0; e < this.elements; e++)
+        for (let k = 0; k <= this.degree; k++) {
+          this.place(Q, e, k, q, v);
+          x[2][0] = this.time(e, k);
+          const W = this.second.at(x)[0], rate = (Math.PI / duration) * Math.cos((Math.PI * (x[2][0] - this.start)) / duration);
+          for (let i = 0; i < W.length; i++)
+            if (rows[i] >= n && cols[i] >= n && rows[i] === cols[i])
+              sum += (this.half(e) * weights[k] * Math.abs(W[i]) * (rate * this.sizes[rows[i] - n]) ** 2) / 2;
+        }
+      return sum;
+    }
+
     // Kind and index of the action at a path.
     index(Q) {
       const planes = this.planes(Q), g = this.gradient(Q), lam = this.m ? this.multipliers(g, planes) : null;
@@ -520,10 +636,16 @@ globalThis.actionopt = (() => {
     }
 
     // The times conjugate to the start along a motion and on to the duration `longest`: where
-    // neighbours that leave with other momenta, of which each is a Jacobi field, meet it again.
+    // neighbours that leave with other momenta, of which each is a Jacobi field, meet it again;
+    // null where no mesh resolves the motion so far.
     conjugate(Q, p0, longest) {
-      const kept = this.duration, { n, degree } = this;
-      Q = this.followed(Q, p0, longest);
+      const far = this.split(() => false), ahead = far.followed(Q, p0, longest);
+      const found = far.duration === longest && far.resolved(ahead, (A, at) => A.motion(at, p0));
+      return found && found.known ? found.A.meetings(found.Q) : null;
+    }
+
+    meetings(Q) {
+      const { n, degree } = this;
       const D = this.thrown(Q, (sides) => {
         const planes = this.planes(Q), [rows, cols] = sides(planes, Q), at = this.offsets(cols), g = this.gradient(Q);
         const A = this.within(this.hessian(Q, this.m ? this.multipliers(g, planes) : null), rows, cols);
@@ -538,7 +660,7 @@ globalThis.actionopt = (() => {
           ...(this.m ? this.surface(Q, k).G.filter((_, c) => planes[Math.max(1, k)].kept.includes(c)).map((row) => row.map((x, i) => x * this.sizes[i])) : []),
         ]));
       });
-      const found = [], top = Math.max(...D.map(Math.abs)), time = (e, x) => this.start + this.half * (2 * e + 1 + x);
+      const found = [], top = Math.max(...D.map(Math.abs));
       for (let e = 0; e < this.elements; e++) {
         const values = D.slice(e * degree, (e + 1) * degree + 1), { nodes } = this.data.rule;
         const value = (x) => this.basis(x).reduce((sum, c, k) => sum + c * values[k], 0);
@@ -546,7 +668,7 @@ globalThis.actionopt = (() => {
           let [a, b] = [nodes[k], nodes[k + 1]];
           if (values[k] * values[k + 1] < 0) {
             for (let i = 0; i < 50; i++) { const c = (a + b) / 2; if (value(c) * values[k] > 0) a = c; else b = c; }
-            found.push(time(e, a));
+            found.push(this.at(e, a));
             continue;
           }
           // Two at once: the least of |D| on the way, and none of it is left.
@@ -555,26 +677,49 @@ globalThis.actionopt = (() => {
             if (Math.abs(value(c)) < Math.abs(value(d))) b = d; else a = c;
           }
           const inside = a > nodes[k] + 1e-6 && b < nodes[k + 1] - 1e-6;
-          if (inside && Math.abs(value(a)) < TOUCHING * top) found.push(time(e, a), time(e, a));
+          if (inside && Math.abs(value(a)) < TOUCHING * top) found.push(this.at(e, a), this.at(e, a));
         }
       }
-      const reached = this.start + this.duration;
-      this.duration = kept;
-      return found.filter((t) => t < reached - 1e-9 * this.duration);
+      return found.filter((t) => t < this.start + this.duration * (1 - 1e-9));
+    }
+
+    // The times between durations at which the index of motions with free ends changes: of those that
+    // are met from this one on, a step after the other.
+    focal(Q, low, high) {
+      const A = this.split(() => false), found = [];
+      const at = (T, from) => {
+        A.duration = T;
+        const next = A.newton(from);
+        return next && { T, Q: next, k: A.index(next).index };
+      };
+      for (const goal of [low, high]) {
+        let here = at(this.duration, Q);
+        for (const begun = this.duration; here && here.T !== goal; ) {
+          const step = (Math.sign(goal - begun) * (high - low)) / FAMILY;
+          const next = at(Math.abs(goal - here.T) <= Math.abs(step) ? goal : here.T + step, here.Q);
+          for (let [a, b] = [here, next], i = 0; b && a.k !== b.k && i < 24; i++) {
+            const c = at((a.T + b.T) / 2, a.Q);
+            if (!c || i === 23) { found.push(...Array(Math.abs(a.k - b.k)).fill(this.start + (a.T + b.T) / 2)); break; }
+            if (c.k === a.k) a = c; else b = c;
+          }
+          here = next;
+        }
+      }
+      return found.sort((a, b) => a - b);
     }
 
     // A path at shares of its duration, beyond the end along its last velocity.
     sample(Q, share) {
-      const { n, elements, degree } = this, e = Math.min(elements - 1, Math.max(0, Math.floor(share * elements)));
-      const x = 2 * (share * elements - e) - 1, q = new Float64Array(n), v = new Float64Array(n);
+      const { n, bounds, degree } = this, e = Math.max(0, bounds.findLastIndex((a, k) => k < this.elements && a <= share));
+      const x = (2 * (share - bounds[e])) / (bounds[e + 1] - bounds[e]) - 1, q = new Float64Array(n), v = new Float64Array(n);
       this.basis(Math.min(x, 1)).forEach((c, k) => { for (let i = 0; i < n; i++) q[i] += c * Q[this.node(e, k) * n + i]; });
       if (x > 1) {
         this.place(Q, e, degree, new Float64Array(n), v);
-        v.forEach((rate, i) => (q[i] += rate * (x - 1) * this.half));
+        v.forEach((rate, i) => (q[i] += rate * (x - 1) * this.half(e)));
       }
       return q;
     }
   }
 
-  return { Action, compiled, erf };
+  return { Action, compiled, erf, stride, TRUSTED };
 })();

@@ -13,10 +13,12 @@
   const SNAP = 0.006; // of the slider: nearer than this to a conjugate time it is that time
   const NONE = 1e-6; // of a force: what is missing where nothing is
   const PARTS = 64; // of a change of a parameter that Newton's method does not follow at once
-  const PIXEL = 0.003, PROMPT = 200; // of the slider; unknowns of a path whose conjugate times take no second
+  const PROMPT = 600; // unknowns of a path whose conjugate times take no second
+  const DIGITS = 5, HIDDEN = 1e-7; // of the range of S that are shown; of it or of S, what its differences lose
   const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
   const still = matchMedia("(prefers-reduced-motion: reduce)");
-  const { Action, compiled } = globalThis.actionopt;
+  const { Action, compiled, sentences, TRUSTED } = globalThis.actionopt;
+  const POINT = document.documentElement.lang === "en" ? "." : ",";
 
   // A sentence with values in its braces.
   const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
@@ -38,7 +40,7 @@
   const put = (made, attributes) => {
     for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
   };
-  const minus = (text) => text.replace("e", "\u00d710^").replace(/-/g, "\u2212").replace(/\^(\u2212?)\+?(\d+)/, (_, s, d) =>
+  const minus = (text) => text.replace(".", POINT).replace("e", "\u00d710^").replace(/-/g, "\u2212").replace(/\^(\u2212?)\+?(\d+)/, (_, s, d) =>
     [...(s ? "\u207b" : ""), ...[...d].map((x) => "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[x])].join(""));
   // A number in so many digits, as small as nothing beside `size` if it is.
   const written = (x, digits = 4, size = 0) => {
@@ -48,6 +50,13 @@
     return minus(large ? x.toExponential(Math.max(0, digits - 2)) : String(Number(x.toPrecision(digits))));
   };
   const fixed = (x, places) => minus((Math.abs(x) < 0.5 * 10 ** -places ? 0 : x).toFixed(places));
+  // A number to the place of its last digit that is known, a power of ten.
+  const to = (x, last) => {
+    const size = Math.floor(Math.log10(Math.abs(x)) + 1e-12), digits = size - Math.round(Math.log10(last));
+    if (!Number.isFinite(x) || !Number.isFinite(last)) return "\u2014";
+    if (!(digits >= 0)) return "0";
+    return minus(size >= 5 || size < -3 || digits < size ? x.toExponential(digits) : x.toFixed(digits - size));
+  };
   const nice = (x) => { // 1, 2 or 5 times a power of ten, at least x
     const power = 10 ** Math.floor(Math.log10(x));
     return power * ([1, 2, 5, 10].find((k) => k * power >= x * 0.999) ?? 10);
@@ -97,18 +106,28 @@
     axes(across, up, grid = false) {
       this.back.replaceChildren();
       const { x, y } = this.shown, dx = nice(((x[1] - x[0]) * 66) / (this.right - this.left)), dy = nice(((y[1] - y[0]) * 30) / (this.bottom - this.top));
-      const most = Math.max(...y.map(Math.abs)), power = most >= 1e5 || most < 1e-2 ? Math.floor(Math.log10(most)) : 0, ten = 10 ** power;
-      this.up = !power ? up : up.includes("(") ? up.replace("(", `(10${minus(`^${power}`)}\u00a0`) : `${up} (10${minus(`^${power}`)})`;
-      const label = (value, step) => written(Math.abs(value) < step / 2 ? 0 : value, Math.max(2, Math.ceil(Math.log10(Math.abs(value) / step || 1)) + 1));
-      for (let value = Math.ceil(x[0] / dx) * dx; value <= x[1] + 1e-9 * dx; value += dx) {
+      const ticks = ([a, b], step) => { // counted: a step may be less than the spacing of floats
+        const from = Math.ceil(a / step - 1e-9), count = Math.min(40, Math.floor(b / step + 1e-9) - from + 1);
+        return Array.from({ length: Math.max(0, count) }, (_, k) => (from + k) * step);
+      };
+      const power = (ends) => { const k = Math.floor(Math.log10(Math.max(...ends.map(Math.abs)))); return k >= 5 || k < -2 ? k : 0; };
+      const named = (name, k) => (!k ? name : name.includes("(") ? name.replace("(", `(10${minus(`^${k}`)}\u00a0`) : `${name} (10${minus(`^${k}`)})`);
+      const label = (value, step, k) => {
+        if (Math.abs(value) < step / 2) return "0";
+        return minus((value / 10 ** k).toFixed(Math.max(0, Math.min(12, k - Math.floor(Math.log10(step) + 1e-9)))));
+      };
+      const [right, high] = [power(x), power(y)];
+      across = named(across, right);
+      this.up = named(up, high);
+      for (const value of ticks(x, dx)) {
         const at = this.X(value);
         element(this.back, "path", grid ? "grid" : "axis").setAttribute("d", `M${at},${this.bottom}V${grid ? this.top : this.bottom + 4}`);
-        if (at < this.right - 10 - 7 * across.length) put(element(this.back, "text", "", label(value, dx)), { x: at, y: this.bottom + 18, "text-anchor": "middle" });
+        if (at < this.right - 10 - 7 * across.length) put(element(this.back, "text", "", label(value, dx, right)), { x: at, y: this.bottom + 18, "text-anchor": "middle" });
       }
-      for (let value = Math.ceil(y[0] / dy) * dy; value <= y[1] + 1e-9 * dy; value += dy) {
+      for (const value of ticks(y, dy)) {
         const at = this.Y(value);
         element(this.back, "path", grid ? "grid" : "axis").setAttribute("d", `M${this.left},${at}H${grid ? this.right : this.left - 4}`);
-        put(element(this.back, "text", "", label(value / ten, dy / ten)), { x: this.left - 7, y: at + 4, "text-anchor": "end" });
+        put(element(this.back, "text", "", label(value, dy, high)), { x: this.left - 7, y: at + 4, "text-anchor": "end" });
       }
       element(this.back, "path", "axis").setAttribute("d", `M${this.left},${this.top}V${this.bottom}H${this.right}`);
       put(element(this.back, "text", "name", across), { x: this.right, y: this.bottom + 18, "text-anchor": "end" });
@@ -179,25 +198,52 @@
 
   function start(figure) {
     const data = JSON.parse(figure.querySelector("script").textContent), W = data.words;
-    const A = new Action(data), { n, forced } = A, units = data.units, spans = data.spans;
+    let A = new Action(data);
+    const { n, forced } = A, units = data.units, spans = data.spans;
     const unit = (x, word) => (word ? `${x} ${word}`.replace(/ /g, "\u00a0") : x);
     const energy = (x, digits = 4, size = 0) => unit(written(x, digits, size), units.action);
-    const every = data.elements / spans, knot = (j) => j * every * A.degree;
+    const knot = (j) => A.shares.indexOf(j / spans); // meshes are cut in halves, and keep the handles' nodes
     const free = (j, i) => !(j === 0 || j === spans) || A.ends[j ? 1 : 0][i] === null;
 
     // -- what is known at one moment
-    // The motion; `own` if it is that of the numbers given, `foci` the times conjugate to its start.
-    const given = () => ({ Q: Float64Array.from(data.answer), own: true, foci: data.conjugate });
-    let motion = given();
+    // The motion: `known` if the page has a mesh that resolves it, else it is not shown and nothing is
+    // said of it; `own` if it is that of the numbers given; `foci` the times at which its index changes.
+    const given = () => {
+      const begun = new Action(data), answer = Float64Array.from(data.answer);
+      const found = begun.resolved(answer, (B, Q) => (B === begun ? Q : B.newton(Q))) ?? { A: begun, Q: answer, known: false };
+      A = found.A;
+      return { p0: A.momentum(found.Q), own: true, foci: data.conjugate, ...found };
+    };
+    let motion = given(), met = [];
     const begun = () => { // the straight line, where there is an action along it
       const Q = A.straight();
       return A.project(Q) && Number.isFinite(A.slope(Q)) ? Q : motion.Q.slice();
     };
     let first = begun(), trial, best = null, shown = "show" in figure.dataset, chosen = 0, held = null, busy = null, wide = false;
-    motion.p0 = A.momentum(motion.Q);
     trial = first.slice();
     const S = (Q) => A.value(Q);
-    const base = () => (shown ? motion.Q : first);
+    const seen = () => shown && motion.known, base = () => (seen() ? motion.Q : first);
+    const say = (group, measured, values = {}) => {
+      const name = sentences.said(group, measured);
+      return name === null ? "" : filled(W[name], values);
+    };
+    // The mesh of another action for all there is, and what else lies on this one.
+    const remesh = (other, ...others) => {
+      const from = A, on = (Q) => (other === from ? Q : from.carried(Q, other));
+      A = other;
+      trial = on(trial);
+      first = on(first);
+      motion.Q = on(motion.Q);
+      return others.map(on);
+    };
+    // Take what `resolved` found as the motion, if it is one; what else lies on the mesh is carried.
+    const take = (found, rest, ...others) => {
+      if (!found?.known) { Object.assign(motion, { known: false, met: Boolean(found) }); return others; }
+      const carried = remesh(found.A, ...others);
+      motion = { ...motion, ...found, ...rest, p0: A.momentum(found.Q) };
+      return carried;
+    };
+    const pinned = () => !A.ends.flat().includes(null);
     const plus = (Q, by, b) => {
       const found = Q.map((x, i) => x + by * b[i]);
       return A.project(found) ? found : null;
@@ -207,7 +253,8 @@
 
     // -- the frame
     const verdict = html(figure, "div", { class: "verdict" });
-    const output = html(verdict, "output", { class: "action" }), badge = html(verdict, "span", { class: "badge" });
+    const said = html(verdict, "span", { class: "measured" }), light = html(said, "span", { role: "img" }), output = html(said, "output", { class: "action" }), badge = html(verdict, "span", { class: "badge" });
+    const chips = html(figure, "div", { class: "controls met", role: "group", "aria-label": W.met });
     const order = html(verdict, "p", { class: "order" });
     const controls = html(figure, "div", { class: "controls" });
     const buttons = {};
@@ -242,17 +289,17 @@
       const [low, high] = value ? [0.1 * value, 2.5 * value].sort((a, b) => a - b) : [-1, 1];
       const made = slider(table, name, low, high, value);
       made.input.dataset.parameter = name;
-      const say = () => (made.clock.textContent = written(A.p[place], 4));
+      const tell = () => (made.clock.textContent = written(A.p[place], 4));
       made.input.addEventListener("input", () => {
         const asked = Number(made.input.value);
         setParameter(place, asked);
         if (A.p[place] !== asked) made.input.value = A.p[place];
-        say();
+        tell();
       });
       made.input.addEventListener("change", refocus); // let go
-      made.reset = () => { made.input.value = value; say(); };
+      made.reset = () => { made.input.value = value; tell(); };
       (table.rows ??= []).push(made);
-      say();
+      tell();
     });
     const paths = forced ? null : html(figure, "details", { class: "sum" });
     if (paths) {
@@ -322,8 +369,8 @@
     };
     function fit(anew = false) {
       if (held !== null && !anew) return;
-      const seen = [motion.Q, trial, first].map((Q) => A.seen(Q, 4));
-      const rows = seen.flatMap((one) => curves().flatMap((pair) => drawn(one, pair)));
+      const lines = [...(motion.known ? [motion.Q] : []), trial, first].map((Q) => A.seen(Q, 4));
+      const rows = lines.flatMap((one) => curves().flatMap((pair) => drawn(one, pair)));
       const y = span(rows.map((r) => r[1])), x = span(rows.map((r) => r[0]));
       const most = Math.max(...curves().flat().filter((i) => i !== null).map((i) => data.sizes[i]));
       const inside = view && rows.every(([a, b]) => a >= view.x[0] && a <= view.x[1] && b >= view.y[0] && b <= view.y[1]);
@@ -352,8 +399,9 @@
     function draw() {
       if (!pathPanel.right) return;
       fit();
-      const reference = S(motion.Q), value = S(trial), right = A.start + (wide ? data.longest : Math.max(A.duration, data.duration));
-      const mineSeen = A.seen(trial), exactSeen = shown ? A.seen(motion.Q) : [];
+      const sums = A.sum(trial), value = sums.S, own = seen() ? A.sum(motion.Q) : null, extent = A.range(motion.Q);
+      const right = A.start + (wide ? data.longest : Math.max(A.duration, data.duration));
+      const mineSeen = A.seen(trial), exactSeen = own ? A.seen(motion.Q) : [];
       // the path
       pathPanel.scale(view.x, view.y, Boolean(pairs));
       const [x, y] = curves()[0];
@@ -369,20 +417,25 @@
       if (alphaPanel) {
         let b = bend(), at = 1;
         if (size(b) < 1e-7) { b = ripple(1); at = 0; bare = true; }
-        const from = base(), curve = [], along = (a) => { const Q = plus(from, a, b); return Q ? S(Q) : NaN; };
+        const from = base(), curve = [], lost = sums.noise > HIDDEN * extent;
+        const along = (a) => { const Q = plus(from, a, b); return Q ? (lost ? A.between(from, Q) : S(Q)) : NaN; };
         const count = held === null ? CURVE : A.m ? 11 : 21; // paths are moved onto a surface one by one
         for (let k = 0; k < count; k++) { const a = REACH * ((2 * k) / (count - 1) - 1); curve.push([a, along(a)]); }
-        const h = 1e-4, S0 = along(0), slope = (a) => (along(a + h) - along(a - h)) / (2 * h);
+        const h = 1e-4, slope = (a) => { // S may be large, and its gradient small
+          const [Q, ahead, back] = [a, a + h, a - h].map((c) => plus(from, c, b));
+          return Q && ahead && back ? A.gradient(Q).reduce((sum, g, i) => sum + (g * (ahead[i] - back[i])) / (2 * h), 0) : NaN;
+        };
         slopes = [slope(at), slope(0)];
         if (held === null || !rises) rises = range(rises, curve.filter(([a]) => Math.abs(a) <= 1.25).map((r) => r[1]));
         alphaPanel.scale([-REACH, REACH], rises);
-        alphaPanel.axes("\u03b1", unit("S", units.action && `(${units.action})`));
+        alphaPanel.axes("\u03b1", unit(lost ? "S \u2212 S\u2080" : "S", units.action && `(${units.action})`));
         parabola.setAttribute("points", alphaPanel.points(curve.filter((r) => Number.isFinite(r[1]))));
         const line = (a, s, g, reach) => `M${alphaPanel.X(a - reach)},${alphaPanel.Y(s - g * reach)}L${alphaPanel.X(a + reach)},${alphaPanel.Y(s + g * reach)}`;
-        tangent.setAttribute("d", line(0, S0, slopes[1], 1.2));
-        now.setAttribute("d", at ? line(1, value, slopes[0], 0.35) : "");
-        put(dot, { cx: alphaPanel.X(at), cy: Math.max(-20, Math.min(alphaPanel.bottom + 60, alphaPanel.Y(value))), r: 6 });
-        put(foot, { cx: alphaPanel.X(0), cy: alphaPanel.Y(S0), r: 4 });
+        const [low, high] = [along(0), along(at)];
+        tangent.setAttribute("d", line(0, low, slopes[1], 1.2));
+        now.setAttribute("d", at ? line(1, high, slopes[0], 0.35) : "");
+        put(dot, { cx: alphaPanel.X(at), cy: Math.max(-20, Math.min(alphaPanel.bottom + 60, alphaPanel.Y(high))), r: 6 });
+        put(foot, { cx: alphaPanel.X(0), cy: alphaPanel.Y(low), r: 4 });
         // the Lagrangian, whose area is S
         const L = A.along(mineSeen), exact = A.along(exactSeen);
         if (held === null || !levels) levels = range(levels, [...L, ...exact].map((r) => r[1]), true);
@@ -390,16 +443,16 @@
         energyPanel.axes(inTime, unit("L", units.energy && `(${units.energy})`), true);
         const cell = energyPanel.cell[0] * energyPanel.cell[1];
         energyPanel.note.textContent = filled(W.square, { x: energy(cell, 3) });
-        const area = (cut) => `M${energyPanel.points([[A.start, 0]])}L` + energyPanel.points(L.map(([t, l]) => [t, cut(l)])) + `L${energyPanel.points([[A.start + A.duration, 0]])}Z`;
+        const area = (cut) => `M${energyPanel.points([[A.start, 0]])}L` + energyPanel.points(L.filter(([, l]) => Number.isFinite(l)).map(([t, l]) => [t, cut(l)])) + `L${energyPanel.points([[A.start + A.duration, 0]])}Z`;
         adds.setAttribute("d", area((l) => Math.max(l, 0)));
         takes.setAttribute("d", area((l) => Math.min(l, 0)));
         truth.L.setAttribute("points", energyPanel.points(exact));
         Object.assign(figure.dataset, { area: cell, pixels: energyPanel.unit[0] * energyPanel.unit[1] });
       }
       // the missing force
-      const scale = Math.abs(reference) + Math.abs(value), missing = A.missing(trial), mine = pairs ? pairs.flat() : [chosen];
+      const missing = A.missing(trial), mine = pairs ? pairs.flat() : [chosen];
       if (held === null || !forces) {
-        const reach = Math.max(...mine.flatMap((i) => Array.from(missing[i], Math.abs)), NONE * scale / A.duration / Math.max(...data.sizes), 1e-12);
+        const reach = Math.max(...mine.flatMap((i) => Array.from(missing[i], Math.abs)), NONE * extent / A.duration / Math.max(...data.sizes), Number.MIN_VALUE);
         const top = Math.max(1.1 * reach, (forces?.most ?? 0) / 8); // what vanishes is seen to vanish
         forces = Object.assign([-top, top], { most: Math.max(top, forces?.most ?? 0) });
       }
@@ -408,26 +461,34 @@
       if (mine.length > 1) missingPanel.named(mine.map((i) => [data.coordinates[i].name, `c${i % 5}`]));
       lacking.forEach((line, i) => line.setAttribute("points", mine.includes(i) ? missingPanel.points(Array.from(missing[i], (f, k) => [A.start + A.shares[k] * A.duration, f]).slice(1, -1)) : ""));
       // words
-      const rise = value - reference, distance = A.slope(trial);
-      const places = Math.max(0, Math.min(8, 4 - Math.floor(Math.log10(Math.max(scale, 1e-6)))));
-      const text = [["S", `S = ${unit(fixed(value, places), units.action)}`]];
-      if (!forced && shown) {
-        const same = Math.abs(rise) < 0.5 * 10 ** -places, by = energy(Math.abs(rise), 4);
-        text.push(same ? ["", W.same] : rise > 0 ? ["more", filled(W.more, { x: by })] : ["less", filled(W.less, { x: by })]);
+      const distance = A.slope(trial);
+      let rise = own ? value - own.S : 0;
+      if (own && Math.abs(rise) < sums.noise / HIDDEN) rise = A.between(motion.Q, trial);
+      // The place of the last digit that is known, and of those that matter.
+      const place = (off) => 10 ** Math.ceil(Math.log10(Math.max(2 * off, extent * 10 ** -DIGITS)) - 1e-9), last = place(sums.error + sums.noise);
+      const text = [["S", `S = ${unit(to(value, last), units.action)}`]];
+      if (!forced && own) {
+        const off = place(sums.noise > HIDDEN * extent ? sums.noise * HIDDEN : sums.error + own.error + sums.noise), by = unit(to(Math.abs(rise), off), units.action);
+        const name = sentences.said("compared", { rise, error: off / 2 });
+        text.push([name === "same" ? "" : name, filled(W[name], { x: by })]);
       } else if (!forced) {
         best = best === null ? value : Math.min(best, value);
-        text.push(["", filled(W.best, { x: unit(fixed(best, places), units.action) })]);
+        text.push(["", filled(W.best, { x: unit(to(best, last), units.action) })]);
       }
+      const doubt = Math.max(sums.error / extent, own ? motion.off : 0), green = doubt < TRUSTED && (motion.known || !shown);
+      const why = green ? filled(W.trusted, { x: written(Math.max(doubt, Number.EPSILON), 1) }) : W.coarse;
+      put(light, { class: green ? "light green" : "light", "aria-label": why, title: why });
       output.replaceChildren(...text.map(([look, words]) => { const part = document.createElement("span"); part.className = look; part.textContent = words; return part; }));
-      const [here, there] = (slopes ?? []).map((s) => energy(s, 2, 10 * scale));
-      order.textContent = forced ? filled(W.distance, { x: energy(distance, 3, scale) })
-        : bare ? filled(W.steepest, { x: energy(distance, 2, 10 * scale) }) : filled(shown ? W.slope : W.slopes, { here, there });
+      const lean = (x, digits) => unit(Math.abs(x) < 1e-7 * extent ? "0" : written(x, digits), units.action);
+      const [here, there] = (slopes ?? []).map((x) => lean(x, 2));
+      order.textContent = forced ? filled(W.distance, { x: lean(distance, 3) })
+        : bare ? filled(W.steepest, { x: lean(distance, 2) }) : filled(seen() ? W.slope : W.slopes, { here, there });
       verdictOf();
       time.clock.textContent = unit(fixed(A.duration, 3), units.time);
       time.input.setAttribute("aria-valuetext", time.clock.textContent);
       sum();
       show();
-      Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()) });
+      Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()), known: motion.known, last, range: extent });
     }
 
     // -- the picture, and a mark of its time on the path and on L
@@ -476,6 +537,8 @@
     // -- the sum over paths, along the present bend or half a wave
     function sum() {
       if (!paths?.open || !paths.near.right || held !== null) return; // not laid out yet: `toggle` will be
+      paths.hidden = !motion.known;
+      if (!motion.known) return;
       const Q = motion.Q, wave = ripple(1), mine = trial.map((x, i) => x - Q[i]);
       const b = size(mine) < 1e-7 ? wave : mine.map((x) => (x * size(wave)) / size(mine));
       const S0 = S(Q), along = (a) => { const moved = plus(Q, a, b); return moved ? S(moved) - S0 : NaN; };
@@ -528,20 +591,47 @@
       paths.total.setAttribute("d", arrow(total));
       paths.limit.setAttribute("d", `M${spiral.X(0)},${spiral.Y(0)}L${spiral.X(known[0])},${spiral.Y(known[1])}`);
       const degrees = (Math.atan2(total[1], total[0]) * 180) / Math.PI, signed = (x) => (x > 0 ? "+" : "") + fixed(x, 0);
-      paths.words.textContent = reach >= WIDEST && motion.verdict.kind === "degenerate" ? W.focus : filled(W.turned, { found: signed(degrees), known: signed(limit) });
+      paths.words.textContent = say("turned", { wide: reach >= WIDEST, degenerate: motion.verdict.kind === "degenerate", second, range: A.range(Q) }, { found: signed(degrees), known: signed(limit) });
       Object.assign(figure.dataset, { turned: degrees, length: Math.hypot(...total), limit: length });
     }
 
     // -- what the motion is
     function verdictOf() {
-      if (forced) { badge.textContent = W.forced; figure.dataset.kind = "forced"; return; }
-      badge.hidden = !shown;
-      if (motion.verdict?.T !== A.duration || motion.verdict.Q !== motion.Q) motion.verdict = { ...A.index(motion.Q), T: A.duration, Q: motion.Q };
-      const { kind, index } = motion.verdict;
-      badge.textContent = kind === "minimum" ? W.minimum : kind === "saddle" ? filled(W.saddle, { k: index }) : W.degenerate;
-      badge.className = `badge ${kind}`;
-      Object.assign(figure.dataset, { kind, index });
+      badge.hidden = motion.known && !seen();
+      if (motion.known && !forced && motion.verdict?.of !== motion.Q) motion.verdict = { ...A.index(motion.Q), of: motion.Q };
+      const { kind, index } = (motion.known && motion.verdict) || {};
+      const name = sentences.said("badge", { forced, known: motion.known, met: motion.met, kind, pinned: pinned() });
+      badge.textContent = filled(W[name], { k: index });
+      badge.className = `badge ${name}`;
+      reveal.disabled = !motion.known;
+      Object.assign(figure.dataset, { kind: name, index: index ?? "" });
+      list();
     }
+
+    // The motions met between these events, to be seen again.
+    function list() {
+      if (forced) return;
+      if (motion.known && seen() && !met.some(alike)) met.push({ motion, action: A });
+      chips.hidden = met.length < 2;
+      chips.replaceChildren(...met.map((one) => {
+        const button = document.createElement("button"), { kind, index } = one.motion.verdict ?? {};
+        put(button, { type: "button", "aria-pressed": alike(one) });
+        button.textContent = `S = ${unit(to(one.action.value(one.motion.Q), 10 ** Math.ceil(Math.log10(A.range(motion.Q)) - DIGITS)), units.action)}, ${filled(W[kind] ?? W.undecided, { k: index })}`;
+        button.addEventListener("click", () => {
+          stop();
+          remesh(one.action);
+          motion = { ...one.motion };
+          told(true);
+          become(motion.Q.slice());
+          refocus();
+        });
+        return button;
+      }));
+    }
+    const alike = ({ motion: { Q }, action }) => {
+      const other = action === A ? Q : action.carried(Q, A);
+      return size(other.map((x, i) => x - motion.Q[i])) < 1e-5;
+    };
 
     function foci() {
       const low = Number(time.input.min), high = Number(time.input.max);
@@ -552,21 +642,16 @@
       }
     }
 
-    // Those of another motion: its mesh may be too coarse for them, and then finds not even those of
-    // the numbers given.
-    let trusted = null;
+    // Those of another motion: with free ends, of its family. There are as many before its end as its
+    // index says, else they are not known.
     function refocus() {
-      if (forced || motion.foci) return;
-      const found = (Q) => A.conjugate(Q, A.momentum(Q), data.longest);
-      if (trusted === null) {
-        const { p, duration, ends } = A;
-        Object.assign(A, { p: Float64Array.from(data.p), duration: data.duration, ends: [data.q0, data.q1] });
-        const own = A.ends[0].includes(null) || A.count * n > PROMPT ? [] : found(given().Q);
-        Object.assign(A, { p, duration, ends });
-        trusted = own.length === data.conjugate.length && own.every((t, k) => Math.abs(t - data.conjugate[k]) < PIXEL * data.longest);
+      if (!forced && motion.known && !motion.foci) {
+        const { Q, p0, verdict } = motion, low = Number(time.input.min);
+        const times = A.count * n > PROMPT ? null : pinned() ? A.conjugate(Q, p0, data.longest) : A.focal(Q, low, data.longest);
+        const count = times?.filter((t) => t < A.start + A.duration).length;
+        if (times && (!pinned() || verdict.kind === "degenerate" || count === verdict.index)) motion.foci = times;
+        else message.textContent += ` ${W.unmarked}`;
       }
-      if (trusted) motion.foci = found(motion.Q);
-      else message.textContent = W.unmarked;
       foci();
     }
 
@@ -613,7 +698,7 @@
     }
 
     // Run `step` until it returns words, a frame each; all at once for who wants no motion.
-    function animate(name, step) {
+    function animate(name, step, then = () => {}) {
       if (busy?.name === name) { stop(); return; }
       stop();
       if (still.matches) {
@@ -629,7 +714,7 @@
       const tick = () => {
         if (busy === null) return;
         const words = step(k++);
-        if (words || k > MOST) { stop(); become(trial, words || ""); return; }
+        if (words || k > MOST) { stop(); become(trial, words || ""); then(); return; }
         draw();
         busy.frame = requestAnimationFrame(tick);
       };
@@ -638,35 +723,42 @@
 
     function solve() {
       stop();
-      const seen = [];
-      let found = A.newton(trial, { follow: (Q) => seen.push(Q) }), words = seen.length < 2 ? W.once : filled(W.solved, { k: seen.length });
-      if (!found) {
-        found = A.newton(motion.Q) ?? motion.Q;
-        words = W.elsewhere;
-        seen.splice(0);
-      } else if (!forced) words += ` ${W.stationary}`;
-      const near = Math.abs(S(found) - S(motion.Q)) <= 1e-7 * (Math.abs(S(found)) + 1e-9) && size(found.map((x, i) => x - motion.Q[i])) < 1e-4;
-      motion = { Q: found, p0: A.momentum(found), own: motion.own && near, foci: near ? motion.foci : null };
+      // On few elements first, from which Newton's method goes less far astray than on many.
+      let steps, from, begun;
+      for (const mesh of motion.known ? [A.coarse()] : [A.coarse(), A]) {
+        [steps, from] = [[], mesh];
+        begun = mesh.resolved(A.carried(trial, mesh), (B, Q) => B.newton(Q, { follow: B === mesh ? (P) => steps.push(P) : null }));
+        if (begun?.known) break;
+      }
+      const found = begun?.known ? begun : null, measured = { found: Boolean(found), known: motion.known, met: Boolean(begun), steps: steps.length, forced };
+      const words = [say("solved", measured, { k: steps.length }), say("level", measured)].join(" ").trim();
+      if (!found && !motion.known) { motion.met = Boolean(begun); become(trial, words); return; }
+      const before = found ? steps.map((Q) => from.carried(Q, found.A)) : steps;
+      if (found) {
+        take(found, { own: false, foci: null });
+        const same = met.find(alike);
+        if (same) Object.assign(motion, { own: same.motion.own, foci: same.motion.foci });
+      }
       told(true);
-      foci();
-      refocus();
-      if (still.matches || seen.length < 2) { become(found, words); return; }
-      const begun = performance.now();
+      if (!found || still.matches || steps.length < 2) { become(motion.Q.slice(), words); refocus(); return; }
+      const since = performance.now();
       animate("solve", () => {
-        const k = Math.floor((performance.now() - begun) / A_STEP);
-        trial = seen[k] ?? found;
-        if (k >= seen.length) return words;
-      });
+        const k = Math.floor((performance.now() - since) / A_STEP);
+        trial = before[k] ?? motion.Q.slice();
+        if (k >= before.length) return words;
+      }, refocus);
     }
 
     function relax() {
       let before = S(trial);
+      const noise = Math.max(1e-11 * A.range(trial), A.sum(trial).noise);
       animate("relax", () => {
-        const next = A.descend(trial, SLOW), scale = Math.abs(before) + Math.abs(S(motion.Q));
-        if (!next || before - S(next) < 1e-11 * scale) return A.slope(trial) < 1e-4 * scale || !next ? (motion.verdict?.index && size(trial.map((x, i) => x - motion.Q[i])) < 1e-3 ? W.level : W.arrived) : W.arrived;
-        trial = next;
-        before = S(next);
-        if (size(bend()) > AWAY) return W.runs;
+        const next = A.descend(trial, SLOW), falls = next && before - S(next) > noise;
+        if (falls && size(bend()) <= AWAY) { trial = next; before = S(next); return ""; }
+        const saddle = motion.known && motion.verdict.index > 0 && size(trial.map((x, i) => x - motion.Q[i])) < 1e-3;
+        const end = falls || saddle ? null : A.resolved(trial);
+        const least = Boolean(end?.known && end.A.index(end.Q).index === 0 && size(A.carried(trial, end.A).map((x, i) => x - end.Q[i])) < 0.01);
+        return say("downhill", { away: Boolean(falls), least, saddle });
       });
     }
 
@@ -681,18 +773,19 @@
           else if (sign > 0) sign = -1;
           else { sign = 1; if (++j === moves.length) { j = 0; if (!luck) by /= 2; luck = false; } }
           if (by < 2e-4 * (view.y[1] - view.y[0])) return filled(W.hunted, { k: tries });
-          if (size(trial.map((x, c) => x - first[c])) > AWAY) return W.runs;
+          if (size(trial.map((x, c) => x - first[c])) > AWAY) return W.away;
         }
       });
     }
 
     function half() {
-      const b = bend(), reference = S(base()), before = S(trial) - reference;
-      if (size(b) < 1e-7) { message.textContent = W.nothing; return; }
-      const Q = plus(base(), 0.5, b);
+      const b = bend(), from = base(), Q = plus(from, 0.5, b), { error, noise } = A.sum(trial);
       if (!Q) return;
-      const after = S(Q) - reference, level = shown || A.slope(base()) < 1e-6 * (Math.abs(before) + Math.abs(after));
-      become(Q, `${filled(W.halved, { a: energy(before, 4), b: energy(after, 4), r: fixed(after / before, 3) })} ${level ? W.quarter : W.straighten}`);
+      const lost = noise > HIDDEN * A.range(from), rise = (P) => (lost ? A.between(from, P) : S(P) - S(from));
+      const measured = { size: size(b), a: rise(trial), b: rise(Q), error: lost ? noise * HIDDEN : error + noise, range: A.range(from) };
+      const words = say("halved", measured);
+      if (measured.size < 1e-7) message.textContent = words;
+      else become(Q, `${filled(W.halved, { a: energy(measured.a, 4), b: energy(measured.b, 4), r: fixed(measured.b / measured.a, 3) })} ${words}`);
     }
 
     function told(yes) { // whether the motion is seen
@@ -703,23 +796,29 @@
 
     function setDuration(T) {
       stop();
-      message.textContent = "";
       wide = true;
-      const nearest = motion.foci?.find((t) => Math.abs(t - A.start - T) < SNAP * (data.longest - 0.1 * data.duration));
-      const goal = nearest === undefined ? T : nearest - A.start, from = base(), b = trial.map((x, i) => x - from[i]), line = !shown;
-      const pinned = A.ends[1].map((x) => x !== null);
-      const whole = pinned.every(Boolean), before = A.duration;
-      const steps = whole ? 1 : Math.ceil(Math.abs(goal - before) / (0.06 * data.duration));
+      const nearest = pinned() && motion.foci?.find((t) => Math.abs(t - A.start - T) < SNAP * (data.longest - 0.1 * data.duration));
+      const goal = !nearest ? T : nearest - A.start, line = !seen(), along = pinned() && motion.known;
+      let b = trial.map((x, i) => x - base()[i]);
+      const before = A.duration, steps = along ? 1 : Math.ceil(Math.abs(goal - before) / (0.06 * data.duration));
+      message.textContent = "";
       for (let k = 1; k <= steps; k++) {
-        const next = k < steps ? before + ((goal - before) * k) / steps : goal, Q = A.followed(motion.Q, motion.p0, next);
-        motion = { ...motion, Q: whole ? Q : A.newton(Q) ?? Q };
-        if (!whole) motion.p0 = A.momentum(motion.Q);
-        if (A.duration !== next) { message.textContent = W.lost; break; }
+        const from = A.duration, next = k < steps ? before + ((goal - before) * k) / steps : goal;
+        if (along) { // on along the motion, whose end event is where it is then
+          const { p0 } = motion, Q = A.followed(motion.Q, p0, next), found = A.resolved(Q, (B, at) => B.motion(at, p0));
+          if (!found?.known) { A.duration = from; message.textContent = W.lost; break; }
+          [b] = take(found, {}, b);
+          motion.p0 = p0;
+          if (A.duration !== next) message.textContent = W.lost;
+        } else {
+          A.duration = next;
+          [b] = take(A.resolved(motion.Q), { foci: motion.foci }, b);
+        }
       }
-      const { Q } = motion;
-      A.ends[1] = pinned.map((yes, i) => (yes ? Q[(A.count - 1) * n + i] : null));
+      met = [];
+      if (along) A.ends[1] = Array.from(A.row(motion.Q, A.count - 1));
       first = begun();
-      trial = plus(line ? first : motion.Q, 1, b) ?? motion.Q.slice();
+      trial = plus(line || !motion.known ? first : motion.Q, 1, b) ?? first.slice();
       time.input.value = A.duration;
       best = null;
       draw();
@@ -727,23 +826,25 @@
 
     function setParameter(place, value) {
       stop();
-      const b = trial.map((x, i) => x - motion.Q[i]), kept = A.p[place];
+      const from = base(), kept = A.p[place];
+      let b = trial.map((x, i) => x - from[i]), reached = value;
       A.p[place] = value;
-      let found = A.newton(motion.Q), reached = value;
-      if (!found) { // in smaller steps, as far as there is a motion
-        [found, reached] = [motion.Q, kept];
+      let now = A.newton(motion.Q);
+      if (!now && motion.known) { // in smaller steps, as far as there is a motion
+        [now, reached] = [motion.Q, kept];
         for (let k = 1; k <= PARTS; k++) {
           A.p[place] = k < PARTS ? kept + ((value - kept) * k) / PARTS : value;
-          const next = A.newton(found);
+          const next = A.newton(now);
           if (!next) break;
-          [found, reached] = [next, A.p[place]];
+          [now, reached] = [next, A.p[place]];
         }
       }
       A.p[place] = reached;
-      message.textContent = reached === value ? "" : W.lost;
-      const own = data.p.every((x, i) => x === A.p[i]);
-      motion = { Q: found, p0: A.momentum(found), own, foci: own ? data.conjugate : null };
-      if (shown) trial = plus(motion.Q, 1, b) ?? motion.Q.slice();
+      met = [];
+      const own = data.p.every((x, i) => x === A.p[i]) && A.duration === data.duration;
+      [b] = take(now && A.resolved(now), { own, foci: own && pinned() ? data.conjugate : null }, b);
+      message.textContent = !motion.known || reached === value ? "" : W.lost;
+      trial = plus(base(), 1, b) ?? base().slice();
       best = null;
       foci();
       draw();
@@ -751,11 +852,8 @@
 
     function restart() {
       stop();
-      A.duration = data.duration;
-      A.p.set(data.p);
-      A.ends = [data.q0, data.q1].map((row) => Array.from(row));
       motion = given();
-      motion.p0 = A.momentum(motion.Q);
+      met = [];
       first = begun();
       time.input.value = data.duration;
       table?.rows.forEach((row) => row.reset());
@@ -771,8 +869,8 @@
 
     const ways = {
       solve, relax, hunt, half, restart,
-      bend: () => { stop(); become(plus(shown ? motion.Q : first, 1, ripple(1)) ?? trial); },
-      wave: () => { stop(); become(plus(shown ? motion.Q : first, 1, ripple(3)) ?? trial); },
+      bend: () => { stop(); become(plus(base(), 1, ripple(1)) ?? trial); },
+      wave: () => { stop(); become(plus(base(), 1, ripple(3)) ?? trial); },
     };
     for (const [name, button] of Object.entries(buttons)) button.addEventListener("click", () => ways[name]());
     reveal.addEventListener("change", () => { message.textContent = ""; told(reveal.checked); draw(); });
@@ -846,7 +944,7 @@
     else if (!shown) message.textContent = W.hint;
     foci();
     new ResizeObserver(layout).observe(figure);
-    figure.live = { A, sum, setDuration, setParameter, trial: () => trial, motion: () => motion.Q, foci: () => motion.foci };
+    figure.live = { get A() { return A; }, sum, setDuration, setParameter, trial: () => trial, motion: () => motion.Q, known: () => motion.known, foci: () => motion.foci };
   }
 
   document.querySelectorAll("[data-live]").forEach(start);
