@@ -108,13 +108,16 @@ def test_the_command_writes_both_notebooks(tmp_path, capsys):
     assert main(["exercise"]) == 0
     listed = capsys.readouterr().out
     assert all(lesson.name in listed for lesson in LESSONS)
-    assert main(["exercise", "minus", str(tmp_path)]) == 0
-    plain, answers = (tmp_path / name for name in ("minus.ipynb", "minus-answers.ipynb"))
+    assert main(["exercise", "first", str(tmp_path)]) == 0
+    plain, answers = (tmp_path / name for name in ("first.ipynb", "first-answers.ipynb"))
     assert capsys.readouterr().out.split() == [str(plain), str(answers)]
     cells = json.loads(answers.read_text())["cells"]
-    programs = [c["source"] for c in cells if c["cell_type"] == "code"]
-    assert programs == [e.program.rstrip() for e in BY_NAME["minus"].exercises]
+    live, *programs = [c["source"] for c in cells if c["cell_type"] == "code"]
+    assert 'plot.explore(scenes.get("projectile"))' in live  # the path of "Try", to be dragged
+    assert programs == [e.program.rstrip() for e in BY_NAME["first"].exercises]
     assert not any(p in plain.read_text() for p in programs)
+    assert main(["exercise", "first", str(tmp_path), "--lang", "de"]) == 0
+    assert "Vorhersagen" in plain.read_text() and '(\\"de\\")' in plain.read_text()
     assert main(["exercise", "minsu"]) == 1
     assert "minus" in capsys.readouterr().err
 

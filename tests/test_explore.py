@@ -108,7 +108,7 @@ def test_sliding_the_end_time_through_pi_changes_the_index():
 
 
 def test_a_backend_that_cannot_be_loaded_says_so(monkeypatch):
-    def broken(**options):
+    def broken(*size, layout):
         raise ImportError("Cannot load backend 'QtAgg'")
 
     monkeypatch.setattr("actionopt.plot._style.new_figure", broken)
@@ -122,3 +122,14 @@ def test_a_window_opens_where_there_is_a_display(monkeypatch):
     monkeypatch.setattr(pyplot, "show", lambda: shown.append(pyplot.get_fignums()))
     assert main(["explore", "pendulum"]) == 0
     assert len(shown) == 1 and len(shown[0]) == 1
+
+
+def test_where_figures_are_pictures_it_is_the_live_page():
+    with plot.language("de"):
+        window = plot.explore(scenes.get("oscillator"))
+    shown = window._repr_html_()
+    assert (
+        shown.startswith("<iframe srcdoc=") and "data-live=" in shown and "lang=&quot;de" in shown
+    )
+    window.figure.canvas.required_interactive_framework = "qt"  # a window, which is shown itself
+    assert window._repr_html_() is None

@@ -348,7 +348,7 @@ def test_problems_of_ones_own_have_pages(tmp_path, quick, capsys):
     assert page.count("<h1>Free</h1>") == 1 and "../index.html" in page
     index = (target / "index.html").read_text(encoding="utf-8")
     assert "free/index.html" in index and "projectile/index.html" in index
-    again = scenes.from_file(file), scenes.get("projectile", g=1.62)
+    again = scenes.from_file(file), scenes.get("projectile", g=1.62).problem
     assert build(target, again, jobs=1) == ["free", "projectile_2"]
     assert (target / "projectile_2" / "index.html").is_file()
     assert main(["gallery", str(target), str(tmp_path / "none.py")]) == 1

@@ -117,7 +117,7 @@ def test_forced_paths_have_no_index_and_closed_ones_no_conjugate_points(page):
 
 def test_the_files_of_the_page_are_there(page):
     files = {file.name for file in page[3].iterdir()}
-    pictures = {"graphs.png", "motion.png", "motion.gif", "arrows.png"}
+    pictures = {"graphs.png", "motion.png", "motion.gif", "arrows.png", "slide.png", "paper.png"}
     assert files == {"pendulum.npz", "pendulum.html", *pictures}
 
 

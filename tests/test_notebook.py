@@ -32,3 +32,13 @@ def test_every_cell_shows_its_figure(first, monkeypatch):
         any("image/png" in output.get("data", {}) for output in cell.outputs) for cell in cells[2:]
     ]
     assert all(shown), shown
+
+
+@pytest.mark.slow
+def test_explore_shows_the_live_page_where_figures_are_pictures(monkeypatch):
+    monkeypatch.delenv("MPLBACKEND")
+    source = f"%matplotlib inline\n{SOLVED}\nactionopt.plot.explore(solution.problem)"
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)])
+    client.NotebookClient(book, timeout=120, kernel_name="python3").execute()
+    (shown,) = [output["data"] for output in book.cells[0].outputs]
+    assert "<iframe srcdoc=" in shown["text/html"] and "image/png" not in shown

@@ -83,12 +83,28 @@ def test_style_stays_inside():
     assert dict(matplotlib.rcParams) == before
 
 
+def test_figures_grow_with_the_words_of_the_reader_who_may_give_their_size(tmp_path):
+    solution = solved("pendulum")
+    usual = plot.paths(solution, compare=False).figure.get_size_inches()
+    with matplotlib.rc_context({"font.size": 22}):
+        twice = plot.paths(solution, compare=False)
+        assert twice.figure.get_size_inches() == pytest.approx(2 * usual)  # from 11 points
+        assert twice.yaxis.label.get_fontsize() == 22
+    with matplotlib.rc_context({"figure.figsize": (4, 3), "savefig.dpi": 40}):
+        for name, dpi in {"one.png": None, "two.png": 80}.items():
+            plot.save(solution, tmp_path / name, compare=False, dpi=dpi)
+        shapes = [pyplot.imread(tmp_path / name).shape[:2] for name in ("one.png", "two.png")]
+        assert shapes == [(120, 160), (240, 320)]
+    with pytest.raises(ValueError, match="found -1"):
+        plot.save(solution, tmp_path / "one.png", dpi=-1)
+
+
 def test_what_a_backend_turns_on_when_it_is_loaded_stays_on(monkeypatch):
     make = plot._style.new_figure
 
-    def first(**options):
+    def first(*size):
         matplotlib.interactive(True)  # as a notebook's backend does
-        return make(**options)
+        return make(*size)
 
     monkeypatch.setattr(plot._style, "new_figure", first)
     try:

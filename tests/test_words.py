@@ -19,12 +19,13 @@ from actionopt.gallery.page import SITE
 from actionopt.gallery.story import PARAGRAPH, TEMPLATE
 from actionopt.gallery.texts import texts
 from actionopt.plot._relaxation import VERDICTS
+from actionopt.plot._runs import QUANTITIES
 from actionopt.plot.live import film
 from actionopt.plot.live.page import STATIC, whole
 from actionopt.plot.live.words import PAGE_WORDS
 from actionopt.tools.words import SPOKEN, TABLES, language, say, table
 
-NOT_IN_PAGES = ("_runs.py", "_explore.py", "_explore_parts.py")
+NOT_IN_PAGES = ("_explore.py", "_explore_parts.py")
 OTHERS = [name for name in SPOKEN if name != "en"]
 
 
@@ -37,6 +38,9 @@ def said():
         *film.SPEEDS.values(),
         *pages.LESSON_PARTS,
         scene_page.LIVE,
+        scene_page.NOT_LIVE,
+        scene_page.UNWRITTEN,
+        *QUANTITIES.values(),
     }
     found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
     found |= {*PAGE_WORDS.values(), *(text for said in VERDICTS.values() for text in said)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from actionopt.tools.table import print_table
+from actionopt.tools.words import SPOKEN, language
 
 
 def add_to(command: argparse.ArgumentParser) -> None:
@@ -14,6 +15,7 @@ def add_to(command: argparse.ArgumentParser) -> None:
         "NAME-answers.ipynb. Without a name, list the lessons."
     )
     command.set_defaults(run=run)
+    command.add_argument("--lang", choices=SPOKEN, default="en", help="language of the words (en)")
     command.add_argument("name", nargs="?", metavar="NAME", help="of a lesson")
     command.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="where to (here)")
 
@@ -27,6 +29,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     from actionopt.gallery.course.notebook import exercise
 
-    for file in exercise(options.name, options.folder):
+    with language(options.lang):
+        files = exercise(options.name, options.folder)
+    for file in files:
         print(file)
     return 0

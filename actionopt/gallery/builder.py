@@ -55,8 +55,9 @@ def build(
     directory : path
         Where to; made if it is not there.
     names : sequence of str, Scene or Problem
-        Names of scenes; scenes and problems of one's own have a live page each, made anew every
-        time, in a folder of their name.
+        Names of scenes. A scene of one's own has a page as theirs, with its words, source, film,
+        formulas and facts in SI units; a problem one to bend its path. Either is made anew every
+        time, in a folder of its name.
     show : callable, optional
         `show(done, total, name)` is called after each page.
     jobs : int
@@ -124,7 +125,7 @@ def build(
             if show is not None:
                 show(done, total, name)
     shown = {name: entry for name, entry in written.items() if name in scenes.SCENES}
-    others = {name: entry["title"] for name, entry in written.items() if entry.get("title")}
+    others = {name: entry for name, entry in written.items() if name not in (*shown, STORY, COURSE)}
     with language(lang):
         write(target / "index.html", index_page(shown, others))
     return [*ahead, *own]
@@ -146,9 +147,12 @@ def _by_folder(questions: Sequence[Scene | Problem]) -> dict[str, Scene | Proble
 
 
 def _own(question: Scene | Problem) -> Page:
-    """Return the page of a scene or a problem of the user's own, without its name."""
-    from actionopt.plot.live.page import heading_of, whole  # matplotlib, only now
+    """Return the page of a scene or a problem of the user's own, its files without a folder."""
+    from actionopt.gallery.scene_page import own_page  # matplotlib, only now
+    from actionopt.plot.live.page import heading_of, whole
 
+    if isinstance(question, Scene):
+        return own_page(question)
     above = '<p class="crumb"><a href="../index.html">' + say("All scenes") + "</a></p>\n"
     return Page({"index.html": whole(question, above=above)}, title=heading_of(question))
 

@@ -130,7 +130,8 @@ def _joints(s: Subject) -> Rows:
     times = [event.t for event in solution.problem.through]
     for k, (known, t) in enumerate(zip(facts.event_times or (), times, strict=False), 1):
         yield _numbers(say("time of event {k} between", k=k), known, t, "s")
-    for known, kappa in zip(facts.integral_multipliers or (), solution.problem.kappa, strict=True):
+    multipliers = facts.integral_multipliers or ()
+    for known, kappa in zip(multipliers, solution.problem.kappa, strict=bool(multipliers)):
         yield _numbers(say("multiplier κ"), known, float(kappa), "")
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from actionopt import scenes
 from actionopt.gallery.page import escape, frame, typeset
-from actionopt.scenes import Scene
 from actionopt.tools.words import say
 
 SECTIONS = {
@@ -58,12 +57,14 @@ def _with_number(number: str) -> str:
     return f'<span class="no">{number}</span> ' if number else ""
 
 
-def index_page(pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, str] = {}) -> str:
-    """Return the page for scenes and what the manifest has on each, and titles of `own` pages."""
+def index_page(
+    pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, Mapping[str, Any]] = {}
+) -> str:
+    """Return the page for scenes and pages of one's own, and what the manifest has on each."""
     cards: dict[str, list[str]] = {number: [] for number in SECTIONS}
     for name in sorted(pages):
-        scene, about = scenes.get(name), pages[name]
-        cards[section(scene.source)].append(_card(scene, about["tags"], about["motion"]))
+        scene = scenes.get(name)
+        cards[section(scene.source)].append(_card(name, say(scene.title), pages[name]))
     body = "\n".join(
         f"<section><h2>{_with_number(number)}{say(title)}</h2>"
         f'<p class="section-note">{say(note)}</p>'
@@ -92,23 +93,20 @@ Waves</cite> (2018), 12.</p>"""
     )
 
 
-def _own(titles: Mapping[str, str]) -> str:
+def _own(pages: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the entries of pages that are no scene's of the catalogue."""
-    cards = "".join(
-        f'<li class="card"><h3><a href="{name}/index.html">{typeset(title)}</a></h3></li>'
-        for name, title in sorted(titles.items())
-    )
+    cards = "".join(_card(name, pages[name]["title"], pages[name]) for name in sorted(pages))
     title = say("Your own")
     return f'<section><h2>{title}</h2><ul class="cards">{cards}</ul></section>\n' if cards else ""
 
 
-def _card(scene: Scene, tags: Sequence[str], motion: str) -> str:
-    title = say(scene.title)
-    name, title = scene.name, title[0].upper() + title[1:]
-    words = "".join(f"<li>{escape(tag)}</li>" for tag in tags)
-    what = escape(say("The motion at a few equal times, {motion}.", motion=motion))
+def _card(name: str, title: str, about: Mapping[str, Any]) -> str:
+    """Return the entry of a page; one of a problem, which nothing draws, has no small picture."""
+    words = "".join(f"<li>{escape(tag)}</li>" for tag in about["tags"])
+    what = escape(say("The motion at a few equal times, {motion}.", motion=about["motion"]))
+    drawn = f'<img src="{name}/thumbnail.svg" alt="{what}" loading="lazy">' * bool(about["motion"])
     return (
-        f'<li class="card"><img src="{name}/thumbnail.svg" alt="{what}" loading="lazy">'
-        f'<h3><a href="{name}/index.html">{typeset(title)}</a></h3>'
+        f'<li class="card">{drawn}'
+        f'<h3><a href="{name}/index.html">{typeset(title[0].upper() + title[1:])}</a></h3>'
         f'<ul class="tags">{words}</ul></li>'
     )

@@ -59,7 +59,7 @@ class Page:
     motion : str
         What is seen in the small picture there.
     title : str
-        Of a page that is no scene's of the catalogue: its entry in the index.
+        Its entry in the index.
     """
 
     files: dict[str, str]

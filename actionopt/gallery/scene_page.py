@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from contextlib import redirect_stdout, suppress
 
 import numpy as np
@@ -14,7 +15,7 @@ from actionopt.gallery.facts import facts_of
 from actionopt.gallery.figures import IN_CHECK, IN_MOTION, IN_PRINCIPLE, Figure, figures
 from actionopt.gallery.page import Page, escape, frame, number, prose, table, typeset
 from actionopt.gallery.subject import Subject
-from actionopt.gallery.texts import Texts, texts
+from actionopt.gallery.texts import Texts, texts, texts_of_own
 from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.system import MULTIPLIERS
 from actionopt.mechanics.written import equations
@@ -25,11 +26,7 @@ from actionopt.tools.mathml import mathml, symbol
 from actionopt.tools.types import EPS
 from actionopt.tools.words import say
 
-PROGRAM = """\
-import actionopt as ao
-from actionopt import scenes
-
-scene = scenes.get("{name}")
+SOLVING = """\
 solution = ao.solve(scene.problem, tol=1e-10, guess=scene.guess)
 
 print("action", solution.action, "J s, error of the path", solution.error)
@@ -81,17 +78,31 @@ AS_FOUND = (
     "No path can be bent here: this page does not solve for paths through events, or with a given "
     "integral. It shows the one that was found."
 )
+NOT_LIVE = "No path can be bent here: {reason}."
+UNWRITTEN = "They are too long to be read, or hold no formula."
 VERDICT = 'print("a", solution.kind, "of the action, index", solution.morse_index)\n'
 
 
 def scene_page(name: str) -> Page:
     """Return the page of the scene `name`."""
-    scene, words = scenes.get(name), texts(name)
-    program, output, solution = run(scene)
+    return page_of(scenes.get(name), texts(name), f"{name}/")
+
+
+def own_page(scene: scenes.Scene) -> Page:
+    """Return the page of a scene of one's own, whose files have no folder yet.
+
+    Raises ValueError for a Lagrangian that contains accelerations, SolveError if there is no path.
+    """
+    scene.problem.system.check_order("a page with its film and figures")
+    return page_of(scene, texts_of_own(scene), "")
+
+
+def page_of(scene: scenes.Scene, words: Texts, folder: str) -> Page:
+    """Return the page of a scene, its files in a folder ("" or "name/")."""
+    program, output, solution = run(scene, words)
     s = Subject(scene, solution)
     drawn, without = figures(s)
     title = translate(scene.title)[0].upper() + translate(scene.title)[1:]
-    own = scene.words
     main = f"""<article class="scene">
 <header class="title">
 <p class="crumb"><a href="../index.html">{say("All scenes")}</a></p>
@@ -100,20 +111,14 @@ def scene_page(name: str) -> Page:
 </header>
 <section class="opening" aria-label="{say("The question")}">
 <div>
-<p class="question">{typeset(translate(own.question))}</p>
-<details class="answer"><summary>{say("Think first; then look here")}</summary>
-<p>{typeset(translate(own.answer))}</p></details>
-<h2 class="small">{say("What to look at")}</h2>
-<p>{typeset(translate(own.look))}</p>
-<p class="statement">{typeset(translate(words.statement))} {typeset(translate(words.remarks))}</p>
-<p class="source">{escape(scene.source)}</p>
+{_opening(scene, words)}
 </div>
 {film.film(s)}
 </section>
 {_live(s)}<section><h2>{say("The principle, and the equation of motion")}</h2>
 {_principle(s, words)}
 <div class="columns">
-{_parameters(s)}
+{_parameters(s, words.units)}
 {_events(s)}
 </div>
 </section>
@@ -127,21 +132,51 @@ def scene_page(name: str) -> Page:
 <details class="program"><summary>{say("The program that found it, and what it printed")}</summary>
 {_code("Program", program)}
 {_code("Output", output)}
-<p>{say("The system it solves:")}</p>
-{_code("System", words.source)}
-<div class="usage"><p>{say("With other numbers:")} <code>scenes.get("{name}", &hellip;)</code></p>
-<div lang="en">{prose(words.usage)}</div></div>
-</details>
+{_system(scene, words)}</details>
 </section>
 {_beside(s)}
 </article>"""
     html = frame(
         title, main, root="../", description=translate(scene.title), scripts=["film.js", *SCRIPTS]
     )
-    files = {f"{name}/index.html": html, f"{name}/thumbnail.svg": film.thumbnail(s)}
+    files = {f"{folder}index.html": html, f"{folder}thumbnail.svg": film.thumbnail(s)}
     for picture in (picture for part in drawn.values() for picture in part):
-        files |= picture.files(f"{name}/")
-    return Page(files, tags(s), s.motion)
+        files |= picture.files(folder)
+    return Page(files, tags(s), s.motion, title)
+
+
+def _opening(scene: scenes.Scene, words: Texts) -> str:
+    """Return what there is of question, answer, what to look at, statement and source."""
+    own, parts = scene.words, []
+    if own.question:
+        parts.append(f'<p class="question">{typeset(translate(own.question))}</p>')
+    if own.answer:
+        think = say("Think first; then look here")
+        parts.append(
+            f'<details class="answer"><summary>{think}</summary>\n'
+            f"<p>{typeset(translate(own.answer))}</p></details>"
+        )
+    if own.look:
+        parts.append(f'<h2 class="small">{say("What to look at")}</h2>')
+        parts.append(f"<p>{typeset(translate(own.look))}</p>")
+    statement = f"{typeset(translate(words.statement))} {typeset(translate(words.remarks))}"
+    if words.statement:
+        parts.append(f'<p class="statement">{statement}</p>')
+    if scene.source:
+        parts.append(f'<p class="source">{escape(scene.source)}</p>')
+    return "\n".join(parts)
+
+
+def _system(scene: scenes.Scene, words: Texts) -> str:
+    """Return the source of a scene's law, and how to have it with other numbers, if known."""
+    if not words.source:
+        return ""
+    other = f'<code>scenes.get("{scene.name}", &hellip;)</code>'
+    return f"""<p>{say("The system it solves:")}</p>
+{_code("System", words.source)}
+<div class="usage"><p>{say("With other numbers:")} {other}</p>
+<div lang="en">{prose(words.usage)}</div></div>
+"""
 
 
 def translate(text: str) -> str:
@@ -155,9 +190,13 @@ def _live(s: Subject) -> str:
         return ""
     if s.between or s.solution.problem.integral is not None:
         return f'<p class="section-note">{say(AS_FOUND)}</p>\n'
+    try:
+        drawn = figure(s.solution.problem, s.solution, units=SI, draw=s.scene.draw)
+    except ValueError as error:  # a law or an end of one's own that a page cannot compute
+        return f'<p class="section-note">{escape(say(NOT_LIVE, reason=error))}</p>\n'
     return f"""<section><h2>{say("The path under your hand")}</h2>
 <p class="section-note">{say(LIVE)}</p>
-{figure(s.solution.problem, s.solution, units=SI, draw=s.scene.draw)}
+{drawn}
 </section>
 """
 
@@ -201,7 +240,10 @@ def _principle(s: Subject, words: Texts) -> str:
     if s.touches:
         follow = say("From this follow the equations of motion, where nothing is touched.")
     law = s.laws[0]
-    rows = [row.replace(f"{MULTIPLIERS}_1", "kappa") for row in equations(law, law.table)]
+    try:
+        rows = [row.replace(f"{MULTIPLIERS}_1", "kappa") for row in equations(law, law.table)]
+    except ValueError:
+        rows, follow = [], f"{follow} {say(UNWRITTEN)}"
     scalars = {*system.coordinates, *law.parameters, "G"}
     written = [
         f'<div class="formula scroll" tabindex="0" role="region" aria-label="'
@@ -240,15 +282,15 @@ def _beside(s: Subject) -> str:
     )
 
 
-def run(scene: scenes.Scene) -> tuple[str, str, Solution]:
+def run(scene: scenes.Scene, words: Texts) -> tuple[str, str, Solution]:
     """Run the program of a scene; return it, what it printed, and its solution."""
     system = scene.problem.system
-    program = PROGRAM.format(name=scene.name) + (TOUCHED if system.r else COMPARED)
+    program = f"{words.program}{SOLVING}{TOUCHED if system.r else COMPARED}"
     program += "" if system.structure.forced else VERDICT
-    output, names = io.StringIO(), {}
+    output, names = io.StringIO(), {"scene": scene}
     with redirect_stdout(output):
         exec(compile(program, f"<{scene.name}>", "exec"), names)
-    return program, output.getvalue(), names["solution"]
+    return program, output.getvalue(), names["solution"]  # type: ignore[return-value]
 
 
 def tags(s: Subject) -> tuple[str, ...]:
@@ -290,8 +332,8 @@ def _formulas(s: Subject, words: Texts) -> str:
     return "\n".join(rows)
 
 
-def _parameters(s: Subject) -> str:
-    name, problem = s.scene.name, s.solution.problem
+def _parameters(s: Subject, known: Mapping[str, str]) -> str:
+    problem = s.solution.problem
     values = {
         key: [x] for key, x in problem.parameters.items() if key not in (SWITCHES, MULTIPLIERS)
     }
@@ -302,7 +344,7 @@ def _parameters(s: Subject) -> str:
         (
             symbol(key),
             ", ".join(number(float(x), 8) for x in row),
-            units.html(units.unit(name, key)),
+            units.html(known.get(key, "")),
         )
         for key, row in values.items()
     ]

@@ -1,18 +1,38 @@
-"""What the files of the scenes say in words: statement, sketch, formulas."""
+"""What the file of a scene says in words: statement, formulas, units, the program that solves it.
+
+A scene of one's own has no such file: its formulas are those of its law.
+"""
 
 from __future__ import annotations
 
 import importlib
 import inspect
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
 
+from actionopt.gallery import units
+from actionopt.mechanics.written import lagrangian
+from actionopt.scenes import Scene, parameters
 from actionopt.tools.formula import Formula, formula
+
+CATALOGUE = """\
+import actionopt as ao
+from actionopt import scenes
+
+scene = scenes.get("{name}")
+"""
+OWN = """\
+import actionopt as ao
+
+# `scene` is the one that this page is about
+"""
 
 
 @dataclass(frozen=True)
 class Texts:
-    """The words of a scene's file.
+    """The words on a scene, and what is written of its law.
 
     Attributes
     ----------
@@ -27,16 +47,22 @@ class Texts:
     formulas : tuple of Formula
         Of the functions that define the system: Lagrangian, and constraint, force, obstacle and
         integral if it has them.
+    program : str
+        How a program begins that has it as `scene`.
     source : str
-        The source of these functions.
+        The source of these functions; nothing where it is not known.
+    units : mapping from str to str
+        Of its parameters, where they are known.
     """
 
-    statement: str
-    sketch: str
-    remarks: str
-    usage: str
     formulas: tuple[Formula, ...]
-    source: str
+    program: str
+    statement: str = ""
+    sketch: str = ""
+    remarks: str = ""
+    usage: str = ""
+    source: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def texts(name: str) -> Texts:
@@ -55,4 +81,15 @@ def texts(name: str) -> Texts:
     functions = [f for f in defined if f is not None]
     formulas = tuple(formula(inspect.getdoc(f) or "") for f in functions)
     source = "\n\n".join(map(inspect.getsource, functions)).rstrip()
-    return Texts(parts[0], sketch, remarks, usage, formulas, source)
+    known = {key: units.unit(name, key) for key in parameters(name)}
+    program = CATALOGUE.format(name=name)
+    return Texts(formulas, program, parts[0], sketch, remarks, usage, source, known)
+
+
+def texts_of_own(scene: Scene) -> Texts:
+    """Return the Lagrangian of a scene of one's own, if it can be written."""
+    problem = scene.problem
+    law = problem.plain or (*problem.laws, problem.system)[0]
+    with suppress(ValueError):
+        return Texts((formula(lagrangian(law, law.table)),), OWN)
+    return Texts((), OWN)

@@ -7,7 +7,8 @@ A path: `overview`, `paths`, `motion`, `energies`, `conserved`, `deviation`, `co
 Several: `family`, `runs`, `fan`, `wavefronts`.
 The action around a path: `bundle`, `slices`, `landscape`, `landscapes`, `spectrum`, `phasors`.
 Moving: `film`, `animation`, `relaxation_film`; to drag: `page`, `explore`.
-Files: `save`, `save_runs`, `svg`, `svgs`; names and units on axes: `Units`, `SI`; look: `STYLE`.
+Files: `save`, `save_runs`, `svg`, `svgs`; names and units on axes: `Units`, `SI`; look: `STYLE`;
+words in German or French: `with plot.language("de"):`.
 """
 
 from actionopt.plot._energies import conserved, energies
@@ -48,6 +49,7 @@ from actionopt.plot.data.variations import (
     spectrum_data,
 )
 from actionopt.plot.live import page
+from actionopt.tools.words import language
 
 # Their public names; each class has one name in the package.
 Conserved, Units = ConservedCurves, UnitNames
@@ -90,6 +92,7 @@ __all__ = [
     "landscape",
     "landscape_data",
     "landscapes",
+    "language",
     "mesh",
     "mesh_data",
     "motion",

@@ -76,7 +76,7 @@ def conserved(
     """
     data, names = conserved_data(solution), solution.problem.system.coordinates
     if axes is None:
-        axes = style.new_figure(figsize=(6.4, 5.4)).subplots(2, sharex=True)
+        axes = style.new_figure((6.4, 5.4)).subplots(2, sharex=True)
     above, below = axes  # type: ignore[misc]
     # An index of an index would be too small to read.
     whats = ["$H$", *(f"$p_{{{symbol(name)[1:-1].replace('_', '')}}}$" for name in names)]

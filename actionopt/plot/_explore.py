@@ -5,6 +5,8 @@ All that is shown is an `Exploration`; the window turns gestures into new ones a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from html import escape
 from typing import Any
 
 import matplotlib
@@ -12,9 +14,11 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backend_bases import Event as Gesture
 from matplotlib.backend_bases import KeyEvent, MouseEvent
+from matplotlib.backends.backend_webagg_core import FigureCanvasWebAggCore
 from matplotlib.backends.registry import BackendFilter, backend_registry
 from matplotlib.widgets import Button, Slider
 
+from actionopt.analysis.solution import SolveError
 from actionopt.mechanics.problem import Problem
 from actionopt.plot import _style as style
 from actionopt.plot._explore_parts import (
@@ -31,8 +35,10 @@ from actionopt.plot._names import NO_UNITS, SI, UnitNames, label
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.exploration import Exploration, begin, bend, lasting, restart, to_solution
 from actionopt.plot.data.trial import Trial, knots
+from actionopt.plot.live.page import whole
 from actionopt.scenes import Scene
 from actionopt.solver.arguments import Guess
+from actionopt.tools.words import current, language
 
 REACH = 14  # pixels from a point at which it is taken hold of
 SHORTEST_TIME = 0.2  # of the duration
@@ -40,9 +46,10 @@ KEYS = {"enter": to_solution, "0": restart}
 SNAP = 0.006  # of the slider: nearer than this to a conjugate time it is that time
 NO_WINDOW = (
     "no window can be opened: {reason}; run this on a desktop with tkinter, or after `pip install "
-    "PyQt6`; in a notebook, after `pip install ipympl`, `%matplotlib widget` and "
-    "`actionopt.plot.explore(scene)` do the same"
+    "PyQt6`; a browser needs neither: `actionopt.plot.page(scene, 'page.html')` writes a page on "
+    "which the path is dragged, and a notebook shows it for `actionopt.plot.explore(scene)`"
 )
+FRAME_HEIGHT = 820  # pixels, of the page in a notebook
 
 
 @check_arguments
@@ -55,7 +62,8 @@ def explore(
     from stationary and the missing force follow. A button (or the key enter) solves from there,
     another (or 0) starts over, and a slider moves the end event along the motion that was found,
     through its conjugate points. `show` of what is returned waits for the window to be closed;
-    in a notebook `%matplotlib widget` is enough.
+    in a notebook `%matplotlib widget` (of the package ipympl) is enough. Without it the notebook
+    shows the page that `page` writes, on which the path is dragged as well.
 
     Parameters
     ----------
@@ -72,28 +80,38 @@ def explore(
     RuntimeError
         If matplotlib is set to windows that it cannot open.
     """
+    problem = question
     if isinstance(question, Scene):
         guess = question.guess if guess is None else guess
-        question, units = question.problem, SI if units is None else units
-    first = begin(question, guess)
+        problem, units = question.problem, SI if units is None else units
+    units, spoken = NO_UNITS if units is None else units, current()
+
+    def page() -> str:
+        with language(spoken):
+            return whole(question, guess=guess, units=units)
+
+    first = begin(problem, guess)
     try:
-        return Explorer(first, NO_UNITS if units is None else units)
+        return Explorer(first, units, page)
     except ImportError as error:
         raise RuntimeError(NO_WINDOW.format(reason=error)) from error
 
 
 class Explorer:
-    """A window; `now` is the `Exploration` that it shows, `figure` what it is drawn on."""
+    """A window; `now` is the `Exploration` that it shows, `figure` what it is drawn on.
+
+    `page` makes the page that stands for it in a notebook without windows.
+    """
 
     @style.styled
-    def __init__(self, first: Exploration, units: UnitNames) -> None:
-        self.now = first
+    def __init__(self, first: Exploration, units: UnitNames, page: Callable[[], str]) -> None:
+        self.now, self.page = first, page
         self.held: tuple[Panel, int, Trial] | None = None
         self.behind: Any = None  # the picture without what moves, while a point is held
         problem = first.trial.tr.problem
         names, t0, t1 = problem.system.coordinates, problem.start.t, problem.end.t
         self.right = t1  # the latest end seen: the axis of time does not shrink again
-        self.figure = style.new_figure(figsize=style.reader_sizes(10.6, 6.6), layout=None)
+        self.figure = style.new_figure((10.6, 6.6), layout=None)
         self.figure.explorer = self  # lives as long as its figure
         forced = problem.system.structure.forced
         self.panels = panels(self.figure, names, "motion" if forced else "stationary path", units)
@@ -135,6 +153,24 @@ class Explorer:
             reason = f"matplotlib found no display and draws to files only (backend {backend!r})"
             raise RuntimeError(NO_WINDOW.format(reason=reason))
         pyplot.show()
+
+    def _repr_html_(self) -> str | None:
+        """Return the page in a frame, for a notebook whose figures are pictures only.
+
+        None, which leaves the picture of the first trial, where a page cannot show the problem.
+        """
+        from matplotlib import pyplot
+
+        canvas = self.figure.canvas
+        if canvas.required_interactive_framework or isinstance(canvas, FigureCanvasWebAggCore):
+            return None
+        try:
+            page = escape(self.page())
+        except (ValueError, SolveError):
+            return None
+        pyplot.close(self.figure)
+        look = f'style="width: 100%; height: {FRAME_HEIGHT}px; border: 0"'
+        return f'<iframe srcdoc="{page}" {look}></iframe>'
 
     # -- gestures --------------------------------------------------------------------------------
 

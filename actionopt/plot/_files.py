@@ -21,7 +21,7 @@ from actionopt.analysis.solution import Solution, question
 from actionopt.families.runs import Runs
 from actionopt.plot._paths import overview, paths
 from actionopt.plot._runs import runs
-from actionopt.plot._style import IF_ROOM, styled
+from actionopt.plot._style import IF_ROOM, figure_size, styled
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.checks import numbers
 from actionopt.tools.files import ready, whole
@@ -171,32 +171,39 @@ def _wrap(words: Any, width: float) -> None:
 
 @styled
 @check_arguments
-def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
+def save(
+    solution: Solution, file: str | Path, *, compare: bool = True, dpi: float | None = None
+) -> None:
     """Write `overview`, or `paths` alone if `compare` is False, to a picture file.
+
+    Its size is matplotlib's `rcParams["figure.figsize"]` if you have set that, else one that goes
+    with your `font.size`; `dpi` (dots an inch) is `savefig.dpi`, or 150 if you have not set it.
 
     Raises ValueError for what is no solution or an ending that matplotlib does not know, OSError
     if it cannot write. Maps of a sweep are written by `save_runs`.
     """
     question(solution)
     picture(file)
-    figure = Figure((6.4, 6.4), layout="constrained")
+    figure = Figure(figure_size(6.4, 6.4), layout="constrained")
     if compare:
         overview(solution, figure.subplots(2, height_ratios=(3, 2)))
     else:
         paths(solution, figure.subplots(), compare=False)
     with whole(file) as part:
-        figure.savefig(part)
+        figure.savefig(part, dpi=dpi)
 
 
 @styled
 @check_arguments
-def save_runs(found: Runs, file: str | Path, quantity: str = "action") -> None:
-    """Write the picture of a sweep, `runs`, to a file. Raises as `save` and `runs` do."""
+def save_runs(
+    found: Runs, file: str | Path, quantity: str = "action", *, dpi: float | None = None
+) -> None:
+    """Write the picture of a sweep, `runs`, to a file; size, dpi and what it raises as `save`'s."""
     picture(file)
-    figure = Figure((7.6, 4.8), layout="constrained")
+    figure = Figure(figure_size(7.6, 4.8), layout="constrained")
     runs(found, quantity, figure.subplots())
     with whole(file) as part:
-        figure.savefig(part)
+        figure.savefig(part, dpi=dpi)
 
 
 def picture(file: str | Path) -> Path:

@@ -201,7 +201,7 @@ def _reel(
     view = strobe.stage(data)
     at = np.linspace(0.0, 1.0, data.trails.shape[2])
     decimals = max(0, int(np.ceil(2 - np.log10(data.t[-1] - data.t[0]))))
-    figure = Figure(strobe.inches(view), layout="constrained")
+    figure = Figure(style.figure_size(*strobe.inches(view)), layout="constrained")
     ax = figure.subplots()
     strobe.prepare(ax, data, view, units)
     trails = []
@@ -211,7 +211,7 @@ def _reel(
         trails += ax.plot([], [], color=colour, **strobe.TRAIL)
     lines = [strobe.shape(ax, data, s, 0) for s in range(len(data.kinds))]
     pulls = strobe.arrows(ax, data, 0) if force else None
-    words = ax.set_title(" ")
+    words, heading = ax.set_title(" "), style.heading(solution)
     style.freeze_layout(figure)
 
     def update(k: int) -> None:
@@ -224,6 +224,6 @@ def _reel(
             pulls.set_offsets(data.bodies[:, :, k])
             pulls.set_UVC(*data.forces[:, :, k].T)
         time = f"{data.t[k]:.{decimals}f} {units.time}".rstrip()
-        words.set_text(f"{style.heading(solution)}: $t$ = {time}")
+        words.set_text(f"{heading}: $t$ = {time}")
 
     return figure, update

@@ -41,7 +41,7 @@ def overview(
     A path in contact with an obstacle has `contact` in place of the deviation.
     """
     if axes is None:
-        axes = style.new_figure(figsize=(6.4, 6.4)).subplots(2, height_ratios=(3, 2))
+        axes = style.new_figure((6.4, 6.4)).subplots(2, height_ratios=(3, 2))
     above, below = axes  # type: ignore[misc]
     touches = solution.problem.system.r and solution.contacts
     second = contact if touches else deviation
@@ -253,7 +253,7 @@ def mesh(
     names = solution.problem.system.coordinates
     t, nodes = times(solution), solution.mesh.nodes
     if axes is None:
-        figure = style.new_figure(figsize=(6.4, 5.2))
+        figure = style.new_figure((6.4, 5.2))
         axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
     above, below = axes  # type: ignore[misc]
     for i, (name, q, dots) in enumerate(zip(names, solution(t), solution(nodes), strict=True)):

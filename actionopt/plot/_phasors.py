@@ -40,7 +40,7 @@ def phasors(
     data, names = phasors_data(solution, hbar, mode=mode), solution.problem.system.coordinates
     at = style.coordinate_to_show(solution, coordinate)
     if axes is None:
-        figure = style.new_figure(figsize=style.reader_sizes(*PHASOR_SIZE))
+        figure = style.new_figure(PHASOR_SIZE)
         axes = list(figure.subplots(1, 3, width_ratios=(1.25, 1, 1)))
     near, along, spiral = axes
     circle = style.circle()

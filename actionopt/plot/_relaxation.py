@@ -76,7 +76,7 @@ def relaxation(
         style.coordinate_to_show(solution, coordinate),
     )
     names, last = solution.problem.system.coordinates, len(data.action) - 1
-    panels = _panels(style.new_figure(figsize=RELAXATION_SIZE)) if axes is None else Panels(*axes)
+    panels = _panels(style.new_figure(RELAXATION_SIZE)) if axes is None else Panels(*axes)
     picked = np.unique(np.rint(last * np.linspace(0, 1, PATHS_SHOWN) ** 2).astype(int))[1:]
     for k, strength in zip(picked, np.linspace(FIRST_PATH_STRENGTH, 1, picked.size), strict=True):
         look = {**NOW, "linewidth": 1.4, "color": faded(style.BLUE, strength)}
@@ -124,7 +124,7 @@ def _reel(
 ) -> tuple[Figure, Callable[[float], None]]:
     """Return a figure, and the function that turns it to a step, or between two."""
     names = solution.problem.system.coordinates
-    figure = Figure(RELAXATION_SIZE, layout="constrained")
+    figure = Figure(style.figure_size(*RELAXATION_SIZE), layout="constrained")
     panels = _panels(figure)
     lines = style.draw(panels.paths, names, data.t, data.paths[0], at, say("now"), **NOW)
     curves = (data.action, data.kinetic, data.potential, data.residual)

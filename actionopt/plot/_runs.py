@@ -12,6 +12,7 @@ from actionopt.plot import _style as style
 from actionopt.plot._names import NO_UNITS, UnitNames, label, symbol
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 RUNS_CONTOURS = 15
 TINT = 0.35  # of the colours of areas, the rest is white
@@ -50,7 +51,7 @@ def runs(
     ax = style.on(ax)
     branch, values = runs.branch, np.where(runs.success, values, np.nan)
     kinds = branch if runs.index is None else np.where(runs.success, runs.index, -1)
-    what = "branch" if runs.index is None else "index"
+    what = say("branch" if runs.index is None else "index")
     text = label(QUANTITIES[quantity], units.action if quantity == "action" else "")
     names = [_axis(name, units) for name in runs.grid.names]
     if len(runs.shape) == 1:
@@ -73,10 +74,10 @@ def runs(
             color=style.GREY,
             markersize=4,
             transform=across,
-            label="failed",
+            label=say("failed"),
             linestyle="none",
         )
-    ax.set_title(f"{style.heading(runs.problem)}: {QUANTITIES[quantity]}, {_count_text(runs)}")
+    ax.set_title(f"{style.heading(runs.problem)}: {say(QUANTITIES[quantity])}, {_count_text(runs)}")
     if ax.get_legend_handles_labels()[1]:
         style.legend(ax, beside=len(runs.shape) == 2)
     return ax
@@ -84,21 +85,27 @@ def runs(
 
 def _count_text(runs: Runs) -> str:
     """Return how many members there are, and how many failed."""
-    failed = int(runs.failed.sum())
-    return f"{runs.grid.size} paths" + (f", {failed} of them failed" if failed else "")
+    failed, count = int(runs.failed.sum()), runs.grid.size
+    if failed:
+        return say("{count} paths, {failed} of them failed", count=count, failed=failed)
+    return say("{count} paths", count=count)
 
 
 def _axis(name: Name, units: UnitNames) -> str:
     """Return the label of the axis of what varies."""
     if isinstance(name, tuple) and name[0] == "integral":
-        return f"integral {name[1]}"
+        return say("integral {k}", k=name[1])
     if isinstance(name, tuple) and name[0] == "through":
         what, unit = (name[2], units.coordinate(name[2])) if name[2] != "t" else ("t", units.time)
-        return label(f"{symbol(what)} at event {name[1]}", unit)
+        return label(say("{x} at event {k}", x=symbol(what), k=name[1]), unit)
     if isinstance(name, tuple):
-        return label(f"{symbol(name[1])} at the {name[0]}", units.coordinate(name[1]))
+        there = say(
+            "{x} at the start" if name[0] == "start" else "{x} at the end", x=symbol(name[1])
+        )
+        return label(there, units.coordinate(name[1]))
     if name in ("t0", "t1"):
-        return label(f"{'start' if name == 't0' else 'end'} time {symbol(name)}", units.time)
+        which = say("start time {x}" if name == "t0" else "end time {x}", x=symbol(name))
+        return label(which, units.time)
     return symbol(name)
 
 
@@ -109,7 +116,9 @@ def _lines(ax: Axes, x: Array, values: Array, branch: Array, kinds: Array, what:
         here = branch == b
         kind = int(kinds[here][0])
         y = np.where(here, values, np.nan)
-        text = f"{what} {kind}" if kind not in named and what == "index" and kind >= 0 else None
+        text = (
+            f"{what} {kind}" if kind not in named and what == say("index") and kind >= 0 else None
+        )
         named.add(kind)
         alone = "." if here.sum() == 1 else None
         ax.plot(x, y, color=style.colour(max(kind, 0)), linewidth=2.2, marker=alone, label=text)

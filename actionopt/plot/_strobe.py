@@ -77,7 +77,7 @@ def motion(
     strip = _strip(data)
     shares = np.linspace(0.0, 1.0, count)
     view = stage(data, strip)
-    ax = style.on(ax, figsize=inches(view))
+    ax = style.on(ax, inches(view))
     prepare(ax, data, view, units)
     along = np.outer(strip, np.linspace(0.0, 1.0, data.trails.shape[2]))
     for b, trail in enumerate(data.trails):

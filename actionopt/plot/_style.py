@@ -3,7 +3,8 @@
 Colours are Okabe and Ito's, which colour-blind readers can tell apart, the two palest darker: each
 line has a contrast of at least 3 on white and on black. What has a sign runs from blue through grey
 to vermilion, what has not along the part of cividis that is seen on the paper. The reader's own
-style is kept: dark paper has light ink, and the size of its words stays.
+style is kept: dark paper has light ink, sizes of words and figures and the dpi of files stay. A
+figure whose size the reader does not give grows with its words.
 """
 
 from __future__ import annotations
@@ -65,6 +66,7 @@ STYLE: Any = {
     "savefig.dpi": 150,
     "svg.hashsalt": "actionopt",  # the same picture is the same file
 }
+READERS = ("font.size", "figure.figsize", "savefig.dpi")  # the reader's, where they are not usual
 
 
 @contextmanager
@@ -72,8 +74,10 @@ def styled_figures() -> Generator[None, None, None]:
     """Draw in the style. A notebook's backend, if loaded meanwhile, stays interactive."""
     on = is_interactive()
     try:
-        kept = {} if rcParams["font.size"] == rcParamsDefault["font.size"] else {"font.size"}
+        kept = {key for key in READERS if rcParams[key] != rcParamsDefault[key]}
         with rc_context({k: x for k, x in STYLE.items() if k not in kept}):
+            if "figure.figsize" not in kept:
+                rcParams["figure.figsize"] = reader_sizes(*STYLE["figure.figsize"])
             rcParams["grid.color"] = "#333333" if dark() else "#e6e6e6"
             try:
                 yield
@@ -138,6 +142,12 @@ def circle() -> ListedColormap:
 def reader_sizes(*sizes: float) -> list[float]:
     """Return sizes of this style in the reader's, whose words may be larger."""
     return [size * rcParams["font.size"] / STYLE["font.size"] for size in sizes]
+
+
+def figure_size(width: float, height: float) -> list[float]:
+    """Return the reader's size of a figure (inches), or this one, grown with the reader's words."""
+    own = list(rcParams["figure.figsize"])
+    return own if own != reader_sizes(*STYLE["figure.figsize"]) else reader_sizes(width, height)
 
 
 def true() -> dict[str, Any]:
@@ -343,16 +353,18 @@ def number(x: float, digits: int = 6) -> str:
     return f"${mantissa}\\times10^{{{int(exponent)}}}$" if exponent else f"${mantissa}$"
 
 
-def new_figure(**options: Any) -> Any:
-    """Return a new figure of pyplot."""
+def new_figure(
+    size: tuple[float, float] = STYLE["figure.figsize"], layout: Any = "constrained"
+) -> Any:
+    """Return a new figure of pyplot of this size (inches), if the reader wants no other."""
     from matplotlib import pyplot  # a second of import, for interactive use only
 
-    return pyplot.figure(**{"layout": "constrained", **options})
+    return pyplot.figure(figsize=figure_size(*size), layout=layout)
 
 
-def on(ax: Axes | None, **options: Any) -> Axes:
+def on(ax: Axes | None, size: tuple[float, float] = STYLE["figure.figsize"]) -> Axes:
     """Return `ax`, or the axes of a new figure."""
-    return new_figure(**options).subplots() if ax is None else ax
+    return new_figure(size).subplots() if ax is None else ax
 
 
 def freeze_layout(figure: Any) -> None:

@@ -108,7 +108,7 @@ def landscape(
 ) -> Axes:
     """Draw S - S* over two modes as a contour map, the stationary path in its middle."""
     data = landscape_data(solution, reach)
-    ax, places = style.on(ax, figsize=MAP_SIZE), (data.a, data.b, data.rise)
+    ax, places = style.on(ax, MAP_SIZE), (data.a, data.b, data.rise)
     middle = data.rise.shape[0] // 2
     along = np.abs(np.concatenate([data.rise[middle], data.rise[:, middle]]))
     reach = min(float(np.nanmax(np.abs(data.rise))), ABOVE * float(np.nanmax(along))) or 1.0
@@ -150,7 +150,7 @@ def landscapes(
     if not count:
         raise ValueError("expected at least one solution, found none")
     if axes is None:
-        figure = style.new_figure(figsize=(MAP_SIZE[0] * count, MAP_SIZE[1]))
+        figure = style.new_figure((MAP_SIZE[0] * count, MAP_SIZE[1]))
         axes = list(figure.subplots(1, count, squeeze=False).ravel())
     return [landscape(s, ax, units=units) for s, ax in zip(solutions, axes, strict=True)]
 

@@ -12,7 +12,15 @@ from actionopt.gallery.course.lesson import Lesson
 from actionopt.gallery.course.lessons import BY_NAME
 from actionopt.mechanics.tracing import suggestion
 from actionopt.tools.files import write
-from actionopt.tools.words import say
+from actionopt.tools.words import current, say
+
+EXPLORER = """\
+from actionopt import plot, scenes
+
+with plot.language("{lang}"):
+    window = plot.explore(scenes.get("{name}"))
+window
+"""
 
 
 def exercise(name: str, folder: str | Path = ".") -> tuple[Path, Path]:
@@ -42,6 +50,8 @@ def notebook(lesson: Lesson, answers: bool) -> dict[str, Any]:
     parts = (("Predict", lesson.predict), ("Try", lesson.attempt), ("Explain", lesson.explain))
     for title, paragraphs in parts:
         cells.append(_words(f"## {say(title)}\n\n" + "\n\n".join(map(say, paragraphs))))
+        if title == "Try" and lesson.explorer:
+            cells.append(_program(EXPLORER.format(name=lesson.explorer, lang=current())))
     for k, given in enumerate(lesson.exercises, 1):
         cells.append(_words(f"## {say('Exercise {k}', k=k)}\n\n{say(given.question)}"))
         if answers:

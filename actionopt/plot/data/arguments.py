@@ -118,6 +118,7 @@ CHECKS: dict[str, Callable[[Any], Any]] = {
     "reach": _number,
     "hbar": _number,
     "seconds": _positive,
+    "dpi": _positive,
     "until": _number,
     "file": _file,
     "method": _text,
