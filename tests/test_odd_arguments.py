@@ -104,6 +104,7 @@ def calls(folder):
         "plot.fronts_data": ((solution, 5, 0.5), {"until": None}),
         "plot.landscape": ((solution,), {"ax": None, "reach": 0.5}),
         "plot.landscape_data": ((solution, 0.5, 3), {}),
+        "plot.language": (("de",), {}),
         "plot.landscapes": (([solution],), {"axes": None}),
         "plot.mesh": ((solution,), {"axes": None}),
         "plot.mesh_data": ((solution,), {}),

@@ -80,11 +80,13 @@ def explore(
     RuntimeError
         If matplotlib is set to windows that it cannot open.
     """
-    problem = question
     if isinstance(question, Scene):
+        problem = question.problem
         guess = question.guess if guess is None else guess
-        problem, units = question.problem, SI if units is None else units
-    units, spoken = NO_UNITS if units is None else units, current()
+        units = SI if units is None else units
+    else:
+        problem, units = question, NO_UNITS if units is None else units
+    spoken = current()
 
     def page() -> str:
         with language(spoken):

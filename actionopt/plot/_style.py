@@ -144,10 +144,12 @@ def reader_sizes(*sizes: float) -> list[float]:
     return [size * rcParams["font.size"] / STYLE["font.size"] for size in sizes]
 
 
-def figure_size(width: float, height: float) -> list[float]:
+def figure_size(width: float, height: float) -> tuple[float, float]:
     """Return the reader's size of a figure (inches), or this one, grown with the reader's words."""
     own = list(rcParams["figure.figsize"])
-    return own if own != reader_sizes(*STYLE["figure.figsize"]) else reader_sizes(width, height)
+    if own == reader_sizes(*STYLE["figure.figsize"]):  # not the reader's
+        own = reader_sizes(width, height)
+    return own[0], own[1]
 
 
 def true() -> dict[str, Any]:
