@@ -426,8 +426,6 @@ def test_bad_questions():
         problem.replace(start=ao.Event(0, [-0.1]))
     with pytest.raises(ValueError, match="found 'stationary'"):
         ao.solve(problem, principle="stationary")
-    with pytest.raises(ValueError, match="expected no mesh"):
-        ao.solve(problem, mesh=ao.Mesh.uniform(0, 4, 8, 4))
     with pytest.raises(ValueError, match="found both"):
         systems.particle(force=lambda q, v, t: [-v[0]], obstacle=lambda q, t: q[0])
     with pytest.raises(ValueError, match="row 1 contains none"):

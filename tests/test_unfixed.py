@@ -196,7 +196,6 @@ def test_what_does_not_fit_is_refused():
         (lambda: ao.Problem(timed, free(None, [0]), free(None, [1])), "one time that is given"),
         (lambda: ao.Problem(dragged, free(0, [0]), free(None, [1])), "non-conservative"),
         (lambda: throw(30.0).duration, "to be found"),
-        (lambda: ao.solve(throw(30.0), mesh=ao.Mesh.uniform(0, 1, 2, 4)), "no mesh"),
         (lambda: ao.solve(throw(30.0), guess=lambda t: [t, t]), "says its duration"),
         (lambda: ao.Problem(system, free(0, q), free(None, q), energy=np.nan), "the energy"),
     ):
@@ -466,9 +465,12 @@ def test_rest_is_no_closed_path_of_a_sweep():
             ao.sweep(problem, {"t1": [4.0, 5.0]})
 
 
-def test_ipopt_knows_given_times_only():
-    with pytest.raises(ValueError, match="expected method 'auto' where a time is free"):
-        ao.solve(throw(40.0), method="ipopt")
+def test_ipopt_and_a_mesh_find_the_period_of_a_closed_path():
+    """The pendulum of amplitude 1: 4 K(sin^2(1/2))."""
+    turning = ao.Problem(systems.pendulum(), free(0.0, [0.0]), ao.Periodic(None), energy=-np.cos(1))
+    for choice in ({"method": "ipopt"}, {"mesh": ao.Mesh.uniform(0, 1, 8, 8)}):
+        found = ao.solve(turning, **choice)
+        assert abs(found.duration - 4 * ellipk(np.sin(0.5) ** 2)) < 1e-8
 
 
 def restricted(q, v, t, mu=0.012277471):

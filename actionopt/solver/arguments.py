@@ -41,22 +41,17 @@ def check_arguments(
             "expected principle 'stationary' or 'auto' for a system with non-conservative "
             "forces, found 'least': they enter as virtual work, and no functional is minimised"
         )
-    if problem.system.r:
-        if principle == "stationary":
-            raise ValueError(
-                "expected principle 'least' or 'auto' for a system with an obstacle, found "
-                "'stationary': what an obstacle holds is a least path, and others have to be "
-                "pulled as well; leave the obstacle out for stationary paths"
-            )
-        if mesh is not None:
-            raise ValueError(
-                "expected no mesh for a system with an obstacle, found one: its elements end where "
-                "contact begins and ends, which the solve finds; leave it out, and give tol"
-            )
+    if problem.system.r and principle == "stationary":
+        raise ValueError(
+            "expected principle 'least' or 'auto' for a system with an obstacle, found "
+            "'stationary': what an obstacle holds is a least path, and others have to be "
+            "pulled as well; leave the obstacle out for stationary paths"
+        )
     if mesh is not None:
         if not isinstance(mesh, Mesh):
             raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
-        if mesh.boundaries[0] != problem.start.t or mesh.boundaries[-1] != problem.end.t:
+        times = problem.start.t, problem.end.t
+        if None not in times and times != (mesh.boundaries[0], mesh.boundaries[-1]):
             raise ValueError(
                 f"expected a mesh from {problem.start.t} to {problem.end.t}, the times of the "
                 f"events, found {mesh.boundaries[0]} to {mesh.boundaries[-1]}; "

@@ -30,6 +30,7 @@ from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.least_along import along
 from actionopt.solver.obstacle import Along
+from actionopt.solver.refine import settle_on
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.strategies import CURVED_STRATEGIES, IPOPT, STRATEGIES, Search, Strategy
 from actionopt.solver.verdict import message_of, solution_of
@@ -78,6 +79,7 @@ def between(
         if isinstance(ws, Along):
             search.begin("obstacle", least=True)
             search.ws, status = along(ws, tol, curve_of)
+            status = settle_on(search.ws, status, mesh, least=True)
         else:
             status = _find_smooth(search, guess, curve_of)
         search.ws.here.tr.watch = None  # a verdict is not left half done

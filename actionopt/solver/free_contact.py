@@ -25,6 +25,7 @@ from actionopt.solver.first_paths import FIRST_TOL, REPRESENTED, given_time, gue
 from actionopt.solver.least_along import release_contacts
 from actionopt.solver.obstacle import Along
 from actionopt.solver.on_surface import points, sizes
+from actionopt.solver.refine import settle_on
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.tools.types import Array
@@ -50,6 +51,7 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
             ws = Along(Held(over(problem, near.duration)), tol=tol, watch=watch)
             try:
                 status = release_contacts(ws, tol, near)
+                status = settle_on(ws, status, choices.mesh, least=True)
             except SIGNALS as signal:
                 status = status_of(signal)
                 ws.stop()

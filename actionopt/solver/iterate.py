@@ -92,6 +92,11 @@ class Iterate(DiscretePath):
         """What it is to solve: those of the path alone."""
         return self.tr
 
+    @property
+    def reach(self) -> float:
+        """How far it moves, in its sizes, as a duration that is sought grows in its own."""
+        return 0.0
+
     def moved(self, z: Array) -> Self:
         """Return another path on the same mesh, of which nothing more is known."""
         tr = self.equations.at(z)
@@ -287,6 +292,11 @@ class UnfixedPath(Iterate):
     def equations(self) -> Bordered:
         """What it is to solve: the equations of the path, and of what is beside it."""
         return self.bordered
+
+    @property
+    def reach(self) -> float:
+        """How far it moves, in its sizes, as a duration that is sought grows in its own."""
+        return self.bordered.reach
 
     @property
     def push_force(self) -> float:

@@ -27,6 +27,7 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.contact_times import tangential, with_contact_times, without
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
@@ -88,13 +89,10 @@ class Along(Workspace[Iterate]):
 
     Attributes
     ----------
-    inside : float
-        How far the path is inside of the obstacle where it is not held, in its own size.
     freed : bool
         Whether parts that do not press were freed already.
     """
 
-    inside: float = 0.0
     freed: bool = False
 
     @property
@@ -151,6 +149,11 @@ class Along(Workspace[Iterate]):
             known = here.sizes, here.lengths, here.gain
             here = UnfixedPath(here.tr, y, *known, bordered=bordered)
         return here
+
+    def with_boundaries(self, mesh: Mesh) -> Mesh:
+        """Return the mesh with boundaries where laws switch, and where contact begins and ends."""
+        times = tuple((t, t) for t in self.contact_problem.contact_times.tolist())
+        return with_boundaries(super().with_boundaries(mesh), times)
 
     def take_up(self, found: Iterate) -> None:
         """Take up a path that Ipopt found, with the contacts it had there."""

@@ -33,7 +33,6 @@ from actionopt.solver.strategies import IPOPT
 from actionopt.solver.through import solve_through
 from actionopt.solver.unfixed import solve_free_boundary
 from actionopt.solver.verdict import message_of
-from actionopt.tools.checks import tolerance
 from actionopt.tools.watch import OutOfTime
 
 
@@ -81,7 +80,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
             b = problem.start.t, problem.end.t  # a curve over the times that are known
             guess = curve(problem, guess)(Mesh.uniform(*b, 4 * LINEAR, COARSE_DEGREE))
         problem = problem.asked
-    _check(problem, choices)
+    check_arguments(problem, choices.tol, None, choices.principle, choices.mesh)
     if problem.system.r:
         yield free_contact(problem, guess, choices)
         return
@@ -155,29 +154,6 @@ def _oscillations(problem: Problem) -> list[Path]:
             "with the advance that is given, nor where a stable equilibrium is near the start"
         )
     return found
-
-
-def _check(problem: Problem, choices: Choices) -> None:
-    """Raise ValueError for choices that do not fit a path with something to be found beside it."""
-    tolerance(choices.tol)
-    if choices.strategies is IPOPT:
-        raise ValueError(
-            "expected method 'auto' where a time is free, an event lies on a surface, or a path "
-            "closes that may begin anywhere along itself, found 'ipopt': it knows given events"
-        )
-    if problem.on_surface:
-        check_arguments(problem, choices.tol, None, choices.principle, None)
-    if choices.mesh is None:
-        return
-    if problem.on_surface:
-        raise ValueError(
-            "expected no mesh where an event lies on a surface, found one: where it ends is "
-            "found on meshes of their own; leave it out, and give tol"
-        )
-    if problem.free_time:
-        raise ValueError(
-            "expected no mesh where a time is free, found one: it would be over given times"
-        )
 
 
 def _index(solution: Solution) -> int:

@@ -15,6 +15,7 @@ from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.crossing import Jump
 from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
+from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import SHORTEST, cheapest_mesh
 from actionopt.solver.iterate import SAFETY, amplification
 from actionopt.solver.workspace import MEASURABLE, Workspace
@@ -134,20 +135,34 @@ def _misread(ws: Workspace, misread: float) -> str:
     )
 
 
+def settle_on(ws: Workspace, status: Status, mesh: Mesh | None, *, least: bool) -> Status:
+    """Take a path that is refined to the user's mesh, stretched over the times that were found."""
+    if mesh is None or not status.stationary:
+        return status
+    ws.refines = False
+    return solve_on(ws, ws.with_boundaries(mesh.moved(*_ends(ws.here.mesh))), least=least)
+
+
+def _ends(mesh: Mesh) -> list[float]:
+    return mesh.boundaries[[0, -1]].tolist()
+
+
 def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
     """Solve on the user's mesh; a finer one tells the error."""
     if ws.here.mesh is not mesh and not ws.transfer(mesh, least=least):
         return Status.UNRESOLVED
     if not np.isfinite(ws.here.error):  # Ipopt's, which is less accurate
         ws.follow()
-    missed, finer = ws.quadrature_shift(), with_boundaries(_finer(mesh), ws.problem.boundaries)
-    kept = ws.here
+    missed, kept = ws.quadrature_shift(), ws.here
+    finer = with_boundaries(_finer(kept.mesh), kept.problem.boundaries)
     ok = ws.transfer(finer, least=least)
     there = ws.here
-    change = np.max(np.abs(there.path(finer.nodes) - kept.path(finer.nodes)).T / there.sizes)
+    before = Path(kept.mesh.moved(*_ends(there.mesh)), kept.Q.T).on(there.mesh)
+    change = np.max(np.abs(there.Q - before.values.T) / there.sizes)
+    change += there.reach * abs(there.mesh.duration / kept.mesh.duration - 1)
     # What is left on the finer mesh is less than half of what it changed, where that is little.
     known = ok and change < CREDIBLE_CHANGE
-    error = 2 * float(change) + SAFETY * (there.noise + missed) if known else np.inf
+    error = 2 * (float(change) + ws.inside) + SAFETY * (there.noise + missed) if known else np.inf
     ws.here = replace(kept, gain=there.gain, noise=there.noise, error=error)
     off = ws.find_imbalance()
     if off is not None:

@@ -53,9 +53,11 @@ def solve(
     method : {"auto", "ipopt"}
         Which ways lead to a first path: "auto" tries our own (Newton's method, Levenberg and
         Marquardt's, a descent, a homotopy, motions that meet) and Ipopt, each where it is best;
-        "ipopt" asks Ipopt alone. It is followed from mesh to mesh by Newton's method.
+        "ipopt" asks Ipopt alone, between given events also where others are to be found. It is
+        followed from mesh to mesh by Newton's method.
     mesh : Mesh, optional
-        Solve on this mesh and do not refine.
+        Solve on this mesh and do not refine. It is stretched over times that are to be found, and
+        cut where contact with an obstacle begins and ends.
     seconds : float, optional
         The time it may take, a little more where one evaluation takes long; then the best attempt
         is what there is. Ways that take longer, at the pace so far, are tried after the others.

@@ -27,11 +27,12 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import is_roundoff
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import family
 from actionopt.solver.arguments import Guess
 from actionopt.solver.arrivals import arrivals, departs
-from actionopt.solver.between import Choices, Found
+from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.closed import begin_later, passes
 from actionopt.solver.durations import barrier
 from actionopt.solver.family import directions, may_be_family
@@ -53,9 +54,9 @@ from actionopt.solver.iterate import (
     coordinate_scales,
 )
 from actionopt.solver.preflight import check
-from actionopt.solver.refine import refine
+from actionopt.solver.refine import refine, settle_on
 from actionopt.solver.signals import SIGNALS, status_of
-from actionopt.solver.strategies import GUESS_ONLY
+from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace, alike
 from actionopt.tools.types import Array
@@ -152,7 +153,7 @@ class Unfixed(Workspace[UnfixedPath]):
             mesh = Mesh.uniform(problem.start.t, problem.end.t, LINEAR, COARSE_DEGREE)
             self.transcribe(mesh, Path(mesh, line(problem, mesh)))
 
-    def _with_boundaries(self, mesh: Mesh) -> Mesh:
+    def with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch over its times."""
         mesh = with_degrees(mesh, self.problem.system.order)
         if self.problem.is_joined:
@@ -432,6 +433,17 @@ class Unfixed(Workspace[UnfixedPath]):
         return Status.NOT_FOUND
 
 
+def _by_ipopt(problem: Problem, path: Path, choices: Choices) -> Path:
+    """Return what Ipopt makes of a path over its duration and between its ends."""
+    there = over(problem.loose, path.mesh.duration)
+    ends = [
+        e if e.on is None else Event(e.t, q)
+        for e, q in zip((there.start, there.end), path.values.T[[0, -1]], strict=True)
+    ]
+    given = Problem(there.system, *ends, parameters=there.parameters)
+    return between(given, path, replace(choices, mesh=None), verdict=False)[0].path
+
+
 def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path of a problem whose duration is free or whose paths close, and the verdict.
 
@@ -474,6 +486,8 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
 
     try:
         for path, lam, how, damped in tries():
+            if choices.strategies is IPOPT:
+                path, lam, how = _by_ipopt(problem, path, choices), None, "ipopt"
             if not run.reach(path, lam, damped=damped):
                 continue
             run.found_by = how
@@ -484,6 +498,7 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
         near = guess if problem.closes else first.of_family
         if near is not None and not (status.success or status is Status.JUMP):
             status = run.in_family(near, thorough=thorough) or status
+        status = settle_on(run, status, choices.mesh, least=False)
     except SIGNALS as signal:
         status = status_of(signal)
         run.stop()

@@ -106,6 +106,8 @@ class Workspace(Generic[Place]):
         Where it was polished last, if time may run out.
     unpolished : Iterate or None
         A path that was near, and not to be polished.
+    inside : float
+        How far the path is inside of an obstacle where it is not held, in its own size.
     unbalance : Jump, Imbalance or None
         Where the balance of energy did not hold along the last path that was resolved.
     """
@@ -126,6 +128,7 @@ class Workspace(Generic[Place]):
     hint: str = ""
     best: Iterate | None = None
     unpolished: Iterate | None = None
+    inside: float = 0.0
     unbalance: Jump | Imbalance | None = None
     iterate: Place | None = None
 
@@ -219,7 +222,7 @@ class Workspace(Generic[Place]):
     def _at(self, mesh: Mesh, path: Path | None, lam: Array | None, like: Path | None) -> Iterate:
         """Return the iterate of `transcribe`."""
         with self.record.clock("assemble"):
-            system, mesh = self.problem.system, self._with_boundaries(mesh)
+            system, mesh = self.problem.system, self.with_boundaries(mesh)
             size, lengths = coordinate_scales(self.problem, None if like is None else like.values.T)
             units = self.units if self.units is not None and alike(lengths, self.units) else None
             tr = self.units = Transcription(self.problem, mesh, lengths, like=units)
@@ -299,7 +302,7 @@ class Workspace(Generic[Place]):
             self.here = replace(self.here, error=np.inf)
         self.here.tr.watch = None
 
-    def _with_boundaries(self, mesh: Mesh) -> Mesh:
+    def with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch, if it is not the user's."""
         instants = self.problem.boundaries
         if self.refines:
@@ -491,7 +494,7 @@ class Workspace(Generic[Place]):
         It may move as far as what was `quadrature_shift` on the last mesh lets expect. What was
         found as a `least` path may be found again by minimising.
         """
-        old, mesh = self.here.bare(), self._with_boundaries(mesh)
+        old, mesh = self.here.bare(), self.with_boundaries(mesh)
         self.transcribe(mesh, old.path, old.rows_on(mesh), like=old.path)
         first = replace(self.here, gain=old.gain, noise=old.noise, error=old.error)
         self.here, reach = first, max(FOLLOWED_REACH, EXPECTED * missed)
