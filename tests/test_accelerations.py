@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -131,6 +132,16 @@ def test_higher_orders():
     assert path.momenta[0].shape == (4,)
 
 
+def test_a_right_path_agrees_with_motion_in_any_order():
+    law = lambda q, v, j: j @ j / 2 + v @ v / 4 - 0.3 * np.cos(q[0])  # noqa: E731
+    system = ao.System(lambda q, v, a, j, t: law(q, v, j), ["x", "y"])
+    through = [ao.Event(0.7, [0.6, 0.2], v=[0.5, None])]
+    path = ao.solve(ao.Problem(system, ao.Event(0, [0, 0]), ao.Event(2, [1.5, 1]), through=through))
+    found = path.compare()
+    assert found.agrees
+    assert found.position < 1e-8
+
+
 def test_nonlinear_beam_against_collocation():
     # Extended Fisher and Kolmogorov's equation with a load: g q'''' = q'' + q - q^3 + cos t.
     g = 0.3
@@ -205,6 +216,60 @@ def test_waypoint_at_a_time_that_is_found_keeps_the_energy():
     np.testing.assert_allclose(path.energy_jumps, 0, atol=1e-7)
     later = ao.Event(path.problem.through[0].t + 0.05, [1, 1])
     assert ao.solve(problem.replace(through=[later])).action > path.action
+
+
+def test_least_jerk_through_gates_whose_times_are_found():
+    places = np.array([[0, 0], [1, 1], [2, -0.5], [3, 0]])
+    rest = dict(v=[0, 0], a=[0, 0])
+    system = ao.System(lambda q, v, a, j, t: (j @ j) / 2, ["x", "y"])
+    ends = ao.Event(0, places[0], **rest), ao.Event(3, places[3], **rest)
+    gates = [ao.Event(None, q) for q in places[1:3]]
+    path = ao.solve(ao.Problem(system, *ends, through=gates), tol=1e-11)
+
+    def spline(times):
+        still = [(k, np.zeros(2)) for k in (1, 2)]
+        return make_interp_spline([0, *times, 3], places, k=5, bc_type=(still, still))
+
+    def action(times):
+        jerk, b = spline(times).derivative(3), [0, *times, 3]
+        x, w = np.polynomial.legendre.leggauss(3)
+        at = [((c - a) / 2, (a + c) / 2 + (c - a) / 2 * x) for a, c in pairwise(b)]
+        return sum(h * w @ np.sum(jerk(t) ** 2, axis=1) for h, t in at) / 2
+
+    times = np.array([e.t for e in path.problem.through])
+    assert path.action == pytest.approx(action(times), rel=1e-12)
+    for step in 1e-3 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1]]):
+        assert action(times + step) > path.action  # no other times are better
+    s = np.linspace(0, 3, 50)
+    np.testing.assert_allclose(path(s).T, spline(times)(s), atol=1e-10)
+
+
+def test_snap_with_a_waypoint_at_a_given_energy():
+    system = ao.System(lambda q, v, a, j, s, t: s[0] ** 2 / 2 + 1, ["x"])
+    rest = dict(v=[0], a=[0], j=[0])
+    problem = ao.Problem(
+        system,
+        ao.Event(0, [0], **rest),
+        ao.Event(None, [2], **rest),
+        energy=0,
+        through=[ao.Event(None, [1])],
+    )
+    path = ao.solve(problem, tol=1e-9)
+    # Halfway at half the time nothing holds it: S = 50400 (2 / T^3.5)^2 + T.
+    assert path.duration == pytest.approx((7 * 201600) ** (1 / 8))
+    assert path.problem.through[0].t == pytest.approx(path.duration / 2)
+
+
+def test_sensitivity_where_a_beam_ends_on_a_line():
+    system = ao.System(
+        lambda q, v, a, t, *, c: (a @ a) / 2 + 0 * c, ["x", "y"], parameters={"c": 2.0}
+    )
+    start = ao.Event(0, [0, 0], v=[1, 0])
+    end = ao.Event(1, [None, None], on=lambda q, t, *, c: q[0] + q[1] - c)
+    found = ao.solve(ao.Problem(system, start, end)).sensitivity()
+    # S = 3 d^2 / 2 with d = (c - 1) / sqrt(2).
+    assert found.parameters["c"] == pytest.approx(1.5)
+    assert found.q0[2] == pytest.approx(-1.5)  # by the velocity across: dc = -dv
 
 
 def test_a_beam_ends_on_a_line():

@@ -161,7 +161,7 @@ class Claim(Protocol):
     def velocity(self, t: ArrayLike) -> Array: ...  # noqa: D102
 
 
-def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
+def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) -> Comparison:
     """Compare a solution with forward integrations from its own states.
 
     The integration begins anew where the lengths of the solution's elements change much, and
@@ -174,6 +174,8 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
         The path to be judged.
     tol : float
         Of the forward integration; see `integrate`.
+    count : int, optional
+        Of the coordinates only so many are compared, the first ones; the others are followed.
 
     Returns
     -------
@@ -207,6 +209,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     t = (mesh if motion is None else motion.path.mesh).nodes
     q, v = solution(t), solution.velocity(t)
     units = _units(q, v, rows, span)
+    sizes = units.q[:count]
     allowed = min(ERROR_MARGIN * max(solution.error, tol), CERTAIN)
     instants = jumps(flow.system, flow.parameters, t, q, v)
     even = np.searchsorted(t, np.linspace(t[0], t[-1], EVEN))
@@ -214,7 +217,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     parts = _Parts.of(
         solution, flow, instants, units.above(noise, span * CVODES_LONGEST, PIECE_TOL)
     )
-    local, unknown = _piece_by_piece(solution, parts, units, allowed)
+    local, unknown = _piece_by_piece(solution, parts, units, allowed, count)
     if motion is None:
         found = Comparison(
             position=np.nan,
@@ -230,8 +233,8 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
         return found if local > allowed else replace(found, reason=reason + UNTOLD)
     path, smooth = motion.path, parts.smooth(t)
     assert path.velocities is not None
-    position = _deviation(q, path(t), units.q)  # at t as it is rounded
-    velocity = _deviation(v, path.velocities, units.v)
+    position = _deviation(q, path(t), sizes)  # at t as it is rounded
+    velocity = _deviation(v, path.velocities, units.v[:count])
 
     def again(state: State, looser: float, shorter: float) -> float:
         """Return the largest deviation of another integration from the first."""
@@ -239,7 +242,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
             other = motion.again(state, looser, shorter)
         except IntegrationError:  # so near a singularity that nothing is certain
             return np.inf
-        return float(_deviation(other, motion.q, units.q).max())
+        return float(_deviation(other, motion.q, sizes).max())
 
     changed = position.max() > allowed
     found = Comparison(
@@ -324,8 +327,12 @@ def _as_far(flow: Flow, start: State, mesh: Mesh, last: float) -> Path | None:
 
 
 def _deviation(values: Array, others: Array, size: Array) -> Array:
-    """Return the largest difference of a row in units of its size, at each of K times, (K,)."""
-    return np.max(np.abs(values - others) / size[:, None], axis=0)
+    """Return the largest difference of a row in units of its size, at each of K times, (K,).
+
+    Of the first rows, if there are fewer sizes.
+    """
+    apart = np.abs(values[: size.size] - others[: size.size])
+    return np.max(apart / size[:, None], axis=0)
 
 
 def _perturb(problem: Problem, state: State, units: FlowUnits, part: float) -> State:
@@ -448,7 +455,7 @@ class _Parts:
 
 
 def _piece_by_piece(
-    solution: Claim, parts: _Parts, units: FlowUnits, allowed: float
+    solution: Claim, parts: _Parts, units: FlowUnits, allowed: float, count: int | None
 ) -> tuple[float, str]:
     """Return the largest deviation of motions from the middle of a piece to that of the next.
 
@@ -462,11 +469,11 @@ def _piece_by_piece(
         )
         try:
             t, there = parts.follow(state, end)
-            found = _deviation(solution(t), there, units.q).max()
+            found = _deviation(solution(t), there, units.q[:count]).max()
             if found > allowed:
                 changed = _perturb(solution.problem, state, units, allowed)
                 _, other = parts.follow(changed, end)
-                gain = _deviation(other, there, units.q).max() / allowed
+                gain = _deviation(other, there, units.q[:count]).max() / allowed
                 cut = parts.cut(a, end) if gain > UNSTABLE and cuts < MOST_CUTS else None
                 if cut is not None:
                     cuts += 1

@@ -149,10 +149,14 @@ class CanonicalPath:
 def compare_motion(at: DiscretePath, error: float) -> Comparison:
     """Compare a path without events between its ends with forward integrations.
 
-    `error` is that of the path; the reference is of its coordinates alone.
+    `error` is that of the path; the reference is of its coordinates alone. The momenta with which
+    it begins are as good as those at its end are, which integration has led there.
     """
-    n, path = at.problem.system.n, CanonicalPath(at, error)
-    found = compare(path)
+    units = at.tr.place_units
+    p = momenta(at).values.T * units
+    miss = np.abs(p[-1] - at.tr.momenta(at.z)[1] * units).max() / (np.abs(p).max() or 1.0)
+    n, path = at.problem.system.n, CanonicalPath(at, max(error, float(miss)))
+    found = compare(path, count=n)
     if found.path is None:
         return found
     rates = found.path.velocities

@@ -154,7 +154,7 @@ def slopes(
         if event.on is not None:  # S + mu.on is what is stationary
             mu, _ = reactions(at, k)
             _, by_q, by_t, by_p = surface_at(at, k)
-            given = list(event.pinned) if 0 < k < len(joints) - 1 else slice(None)
+            given = list(event.pinned if 0 < k < len(joints) - 1 else range(system.n))
             by_place[k, given] += mu @ by_q[:, given]
             times[k] += float(mu @ by_t)
             packed = packed + mu @ by_p

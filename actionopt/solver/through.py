@@ -22,6 +22,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.borders import times_of
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.element import with_degrees
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
@@ -32,6 +33,7 @@ from actionopt.mechanics.problem import Problem, diagonal, first_state
 from actionopt.mechanics.system import SWITCHES
 from actionopt.solver.arguments import Guess
 from actionopt.solver.family import may_be_family
+from actionopt.solver.passing_times import lower
 from actionopt.solver.rays import RAY_ROUNDS, Ray, rays
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import APPROACHES, Unfixed
@@ -246,9 +248,12 @@ def starts(
     if problem.integral is not None:
         first = _begin(problem, base, size, np.ones(len(base) - 1))
         if first is not None:
-            waves = first_waves(problem, *first, size, count or FIRST_POLYGONS, random)
-            yield from ((path, first[1]) for path in waves)
+            yield from first_waves(problem, *first, size, count or FIRST_POLYGONS, random)
         return
+    straight = _begin(problem, base, size, np.ones(len(base) - 1))
+    least = None if straight is None else lower(problem, *straight)
+    if least is not None:
+        yield least
     for found in _first_legs(problem, base, size, count, random):
         if found is not None:
             yield relax_legs(problem, *found), found[1]
@@ -301,7 +306,7 @@ def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
     start, *through, end = (Event(e.t, q)._with_rates_of(e) for e, q in known)
     given = {name: x for name, x in at.parameters.items() if name != SWITCHES}
     fixed = Problem(at.question, start, end, parameters=given, through=through)  # type: ignore[arg-type]
-    first = DiscretePath.of(fixed, path)
+    first = DiscretePath.of(fixed, path.on(with_degrees(path.mesh, fixed.system.order)))
     found = approach(first.tr, first.z, APPROACHES)
     return path if found is None else DiscretePath(first.tr, found[0]).polish().path
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
 from actionopt.discrete.integrals import integrals
@@ -39,10 +40,11 @@ def first_waves(
     size: Array,
     count: int,
     random: np.random.Generator,
-) -> Iterator[Path]:
+) -> Iterator[tuple[Path, Array]]:
     """Yield at most `count` first paths along which the integrals have the values that are given.
 
-    One sine each in turn, up and down, then random sums of them, in units of `size` (n,).
+    And the times of the events on them. One sine each in turn, up and down, then random sums of
+    them, in units of `size` (n,).
     """
     mesh, legs = wave_mesh(times, problem.system.order), np.diff(times)
     values, n = straight(mesh.nodes), problem.system.n
@@ -68,7 +70,7 @@ def first_waves(
             amplitudes = random.standard_normal(len(shapes)) * decay * np.exp(random.normal())
         found = _project(tr, origin, variations, amplitudes, asked)
         if found is not None:
-            yield DiscretePath(tr, found).path
+            yield DiscretePath(tr, found).path, times
 
 
 def wave_mesh(times: Array, order: int = 1, elements: int = WAVE_ELEMENTS) -> Mesh:
@@ -82,7 +84,7 @@ def wave_mesh(times: Array, order: int = 1, elements: int = WAVE_ELEMENTS) -> Me
 
 def _continue(
     problem: Problem, tr: Transcription, origin: Array, variations: Array, times: Array
-) -> Iterator[Path]:
+) -> Iterator[tuple[Path, Array]]:
     """Yield paths that a continuation in the values of the integrals leads to.
 
     Where they are far from those of the straight line, a path bent by a sine is far from a
@@ -91,7 +93,7 @@ def _continue(
     first, last = integrals(DiscretePath(tr, origin))[0], np.array(problem.integral)
     first_sine = np.eye(len(variations))[0]
     for sign in (1.0, -1.0):
-        share, step, path, kappa = 0.0, FIRST_PART, None, None
+        share, step, path, kappa, joints = 0.0, FIRST_PART, None, None, times
         for _ in range(VALUE_STEPS):
             now = min(share + step, 1.0)
             values = first + now * (last - first)
@@ -102,15 +104,17 @@ def _continue(
                     break
                 start = DiscretePath(tr, z).path
             near = problem.replace(integral=values)
-            equations, y = Bordered.around(near, start, None, tr.lengths, times=times, kappa=kappa)
+            known = {"times": joints, "kappa": kappa}
+            equations, y = Bordered.around(near, start, None, tr.lengths, **known)
             reached = approach(equations, y, APPROACHES)
             if reached is None:
                 step /= 2
                 continue
             at = equations.discrete(reached[0])
             share, path, kappa, step = now, at.path, at.problem.kappa, step * 2
+            joints = times_of(at.problem)
             if share == 1.0:
-                yield path
+                yield path, joints
                 break
 
 

@@ -1,0 +1,70 @@
+"""When a path passes its events: times that lower the action of the paths over them.
+
+Between given times Newton's method finds a path from far away, but events and paths at once have a
+small neighbourhood: as a leg becomes short its action grows without bound. The action of the path
+over given times is a function of these times alone, and falls along Newton's step for it, or
+against that where it bends down: so it is lowered as any function of few numbers (J. Nocedal and
+S. Wright, *Numerical Optimization* (2006), section 3.1).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.element import with_degrees
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.newton import approach
+from actionopt.discrete.path import Path
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.iterate import coordinate_scales
+from actionopt.solver.unfixed import APPROACHES
+from actionopt.tools.types import Array
+
+# Ad hoc: steps, halvings of one, and of the logarithms of durations the step at which Newton's
+# method on all unknowns takes over, and the longest one.
+TIME_STEPS, HALVINGS, NEAR_TIMES, FAR_TIMES = 20, 6, 0.05, 1.0
+
+
+def lower(problem: Problem, path: Path, times: Array) -> tuple[Path, Array] | None:
+    """Return a path near one of least action in its times, and these; None if none is found.
+
+    None, too, where surfaces are to be met, or paths close: those are seldom least.
+    """
+    path = path.on(with_degrees(path.mesh, problem.system.order))
+    lengths = coordinate_scales(problem.found_at(times), path.values.T)[1]
+    equations, y = Bordered.around(problem, path, None, lengths, times=times)
+    if equations.times_border is None or len(equations.borders) > 1:
+        return None
+    border, own = equations.times_border
+    energy = (problem.energy or 0.0) / equations.first.action_unit
+
+    def over_times(y: Array) -> tuple[Array, float] | None:
+        """Return the unknowns of the path over the times of y, and S + E T."""
+        tr = equations.at(y)
+        found = approach(tr, y[: own.start], APPROACHES)
+        if found is None:
+            return None
+        t = border.times(y[own])
+        return np.r_[found[0], y[own]], tr.action(found[0]) + energy * (t[-1] - t[0])
+
+    now = over_times(y)
+    for _ in range(TIME_STEPS):
+        if now is None:
+            return None
+        y, action = now
+        residual = equations.residual(y)
+        try:
+            step = -Factors(equations.layout, equations.kkt(y)).solve(residual)[own]
+        except np.linalg.LinAlgError:
+            return None
+        slope, size = float(residual[own] @ step), float(np.abs(step).max())
+        if size < NEAR_TIMES and slope < 0:
+            return equations.discrete(y).path, border.times(y[own])
+        step *= -np.sign(slope) * min(1.0, FAR_TIMES / size)
+        for _ in range(HALVINGS):
+            now = over_times(np.r_[y[: own.start], y[own] + step])
+            if now is not None and now[1] < action:
+                break
+            step, now = step / 2, None
+    return None
