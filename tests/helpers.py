@@ -123,6 +123,7 @@ def record(solver, problem, at="optimum", seconds=1.0, count=1, **more):
         "f_start": 11.0,
         "residual": 0.0,
         "seconds": seconds,
+        "times": [2 * seconds, seconds],
         "evaluations": {"f": count},
         "history": [(1, 11.0, 0.0), (count, 1.0, 0.0)],
         **found,

@@ -1,9 +1,12 @@
 """Solvers that misbehave, for the tests of the runner."""
 
 import os
+import subprocess
 import sys
 import time
 from types import FunctionType
+
+import numpy as np
 
 from actionopt import suite
 from actionopt.scenes import Scene
@@ -32,6 +35,31 @@ def falls(problem, x0):
     return x0, None, "unbounded"
 
 
+def falls_far(problem, x0):
+    step = 1e4 * np.sin(np.linspace(0, np.pi, problem.n))  # the slowest of all motions
+    return x0 + step, None, "unbounded"
+
+
+def hides(problem, x0):
+    """Try what would leave no count behind."""
+    for name in ("view", "counts", "visited", "transcription", "__self__"):
+        if hasattr(problem, name) or hasattr(problem.objective, name):
+            raise LookupError(f"found {name}")
+    problem.bounds[0][:] = problem.hessian_structure[0][:] = 0
+    for _ in range(3):
+        problem.objective(x0)
+    return x0, None, False
+
+
+CALLS = []
+
+
+def wavers(problem, x0):
+    """Be right once, and then not."""
+    CALLS.append(problem)
+    return right(problem, x0)[0] + (len(CALLS) > 1), None, True
+
+
 def peeks(problem, x0):
     """Look for the answer wherever attributes lead."""
     seen, ahead = set(), [problem]
@@ -55,6 +83,8 @@ def peeks(problem, x0):
 
 def looks_up(problem, x0):
     """Look for the answer in what calls, and where functions were evaluated last."""
+    (inside,) = problem.objective.__closure__  # whoever digs may; there is no answer there
+    problem = inside.cell_contents.__self__
     system, frame = problem.transcription.problem.system, sys._getframe()
     found = [name for name, function in system._pointwise.items() if function._memory.ready]
     found += ["point"] if problem.transcription._point else []
@@ -99,7 +129,16 @@ def vanish(problem, x0):
 
 def hang(problem, x0):
     while True:
-        time.sleep(0.01)
+        pass
+
+
+def sleep(problem, x0):
+    time.sleep(100)
+
+
+def calls(problem, x0):
+    """Let another program take the time."""
+    subprocess.run([sys.executable, "-c", "while True: pass"], check=True)
 
 
 def memory(problem, x0):

@@ -23,6 +23,7 @@ NAMES = tuple(suite.FAMILIES)
 HELD = {name for name in NAMES if "unilateral contact" in suite.FAMILIES[name].tags}
 STEP = 1e-3  # of the sixth-order differences: truncation 1e-18 of the seventh derivative
 DIFFERENCE = 1e-7  # what they leave where potentials are steep, relative
+ROUND_OFF = 1e-9  # in units of the coordinates: the worst conditioned member leaves 5e-11
 DENSE = 700  # unknowns and rows above which dense algebra takes seconds
 
 HARD = {
@@ -141,13 +142,12 @@ def test_stars_satisfy_the_conditions_of_kuhn_and_tucker(name):
     size = np.max(np.bincount(problem.hessian_structure[0], H, problem.n) * problem.unit)
     slope = (gradient + np.bincount(cols, values, problem.n)) * problem.unit
     assert np.max(np.abs(slope)) <= STATIONARY * size
-    assert problem.residual(x, lam) <= STATIONARY
-    assert problem.residual(x) <= 1e-9  # multipliers fitted
+    assert problem.residual(x) <= ROUND_OFF
     if problem.m:
         weight = problem.transcription.row_unit
         assert np.max(np.abs(problem.constraints(x) / weight)) <= STATIONARY
     astray = x + 1e-6 * problem.unit * np.cos(np.arange(problem.n))
-    assert problem.residual(astray, lam) > STATIONARY  # the oracle can fail
+    assert problem.residual(astray) > 1e-7  # the oracle can fail
 
 
 SIZES = {name: (p := suite.get(name)).n + p.m for name in NAMES}
@@ -259,7 +259,7 @@ def test_several_optima_are_all_stationary():
         problem = suite.get(name)
         assert problem.others, name
         for other in problem.others:
-            assert problem.residual(other.x) <= STATIONARY
+            assert problem.residual(other.x) <= ROUND_OFF
             assert problem.distance(other.x) > 1e-2
             assert problem.objective(other.x) == pytest.approx(other.f, rel=1e-14)
             H, J = dense(problem, least(problem, other.x), other.x)

@@ -41,12 +41,11 @@ def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
     assert np.max(np.abs(c[~unequal] / weight[~unequal]), initial=0.0) <= STATIONARY
     assert np.max(lam[unequal]) <= STATIONARY  # lower bounds hold it
     assert np.max(np.abs(lam * c)[unequal]) <= STATIONARY * size
-    assert problem.residual(x, lam) <= STATIONARY
-    assert problem.residual(x) <= 1e-8
+    assert problem.residual(x) <= STATIONARY
     assert problem.violation(x) <= STATIONARY
     # Astray, one of the conditions fails.
     astray = x + 1e-4 * u * np.cos(np.arange(problem.n))
-    assert problem.residual(astray, lam) > 1e-6
+    assert problem.residual(astray) > 1e-6
     # The Hessian is positive on what the rows in contact allow: a strict minimum.
     H = hessian(problem, x, lam).toarray()
     held = J[(lam < -ACTIVE) | ~unequal] * u
@@ -100,7 +99,7 @@ def test_what_a_solver_finds_round_many_pegs_is_a_minimum():
     """Rows that are nearly met by an answer are not all in contact at the minimum it is near."""
     problem = suite.get("pegs", 48, 4, pegs=6)
     answer = solvers.run("ipopt", problem, problem.start("straight"))
-    found = examine(problem, answer.x)
+    found = examine(problem, answer.x, problem.start("straight"))
     assert found.at == "new" and found.off < 1e-5 and found.index == 0
 
 

@@ -37,18 +37,40 @@ def test_performance_profiles_by_hand():
 
 
 def test_what_is_not_scored_is_not_counted():
-    """A mistake in a file, and a solver that is not there: neither a failure nor a problem less."""
+    """A solver that is not there, or was not run; a mistake in its file is a failure."""
     unscored = [
         record("c", "p"),
         {"solver": "c", "problem": "q", "outcome": "error", "trace": "here"},
         {"solver": "c", "problem": "r", "outcome": "absent"},
-        {"solver": "c", "problem": "s", "outcome": "failed"},
+        record("d", "p", seconds=0.5),
     ]
     table = profile.costs([*RECORDS, *unscored], "seconds", "minimise", 1e-3)
-    np.testing.assert_array_equal(table["c"], [1, np.nan, np.nan, np.inf])
+    np.testing.assert_array_equal(table["c"], [1, np.inf, np.nan, np.nan])
+    np.testing.assert_array_equal(table["d"], [0.5, np.nan, np.nan, np.nan])
     found = profile.performance(table)
-    np.testing.assert_array_equal(found["c"], ([1], [0.5]))
-    np.testing.assert_array_equal(found["a"], ([1, 1], [0.25, 0.5]))
+    np.testing.assert_array_equal(found["c"], ([2], [0.5]))
+    np.testing.assert_array_equal(found["d"], ([1], [1.0]))
+    np.testing.assert_array_equal(found["a"], ([1, 2], [0.25, 0.5]))
+    data = profile.evaluations_per_unknown([*RECORDS, *unscored], 1e-3)
+    np.testing.assert_array_equal(np.isnan(data["c"]), [False, False, True, True])
+
+
+def test_what_is_done_in_no_time_is_not_in_profiles_of_time():
+    records = [
+        *(record(s, "p", seconds=t) for s, t in (("a", 0.001), ("b", 1.0))),
+        *(record(s, "q", seconds=t) for s, t in (("a", 0.1), ("b", 0.2))),
+    ]
+    found = profile.costs(records, "seconds", "minimise", 1e-3)
+    assert {solver: row.tolist() for solver, row in found.items()} == {"a": [0.1], "b": [0.2]}
+
+
+def test_a_solver_has_one_colour_in_all_figures():
+    line = (np.array([1.0]), np.array([0.5]))
+    every, few = (
+        {h.get_label(): h.get_color() for h in profiles.profiles(steps).get_lines()}
+        for steps in ({"a": line, "b": line, "c": line}, {"a": line, "b": None, "c": line})
+    )
+    assert few == {name: every[name] for name in "ac"} and every["b"] != every["c"]
 
 
 def test_data_profiles_by_hand():

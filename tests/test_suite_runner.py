@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 import types
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -19,9 +19,8 @@ from actionopt.cli import main
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell, attempt, evaluate, limit
 from actionopt.suite.expression import nlp
-from actionopt.suite.interfaces import hessian
 from actionopt.suite.runner import Limits
-from actionopt.suite.verdict import ACCURACIES, SAME_POINT, STEEP, examine, verdict
+from actionopt.suite.verdict import SAME_POINT, verdict
 
 PLANTED = str(Path(__file__).with_name("planted.py"))
 
@@ -39,7 +38,7 @@ def verdicts(tmp_path, *cells, limits=None):
 def at_home(monkeypatch):
     """Cells run in this process, whose bounds are left alone: each of their own takes a second."""
 
-    def run(target, asked, memory, seconds, *, limit):
+    def run(target, asked, memory, seconds, *, limit, processor):
         return json.loads(json.dumps(attempt(Cell(**asked))))
 
     monkeypatch.setattr(runner.process, "run", run)
@@ -59,11 +58,10 @@ def test_planted_answers_are_called_by_their_names():
     assert records[1]["distance"] == pytest.approx(0.01)
 
 
-def test_unbounded_is_right_where_it_is():
-    found = [evaluate(planted("falls", name)) for name in ("oscillator_past", "pendulum")]
-    assert [r["unbounded"] for r in found] == [True, False]
-    assert [verdict(r, "minimise") for r in found] == ["right", "wrong"]
-    assert [verdict(r, "stationary") for r in found] == ["failed", "failed"]
+def test_what_a_solver_is_given_leaves_no_way_round_the_counts():
+    record = evaluate(planted("hides"))
+    assert record["outcome"] == "answered", record
+    assert record["evaluations"] == {"f": 3} and record["history"][0][0] == 1
 
 
 @pytest.mark.parametrize("solver", ["ipopt", "sleqp", "uno"])
@@ -78,18 +76,6 @@ def test_one_that_returns_the_saddle_is_not():
     assert record["said"] == "solved"
     assert verdict(record, "minimise") == "saddle"
     assert verdict(record, "stationary") == "right"
-
-
-def test_a_higher_minimum_is_another_and_a_lower_one_right():
-    problem = suite.get("hoop_bead")  # the known optimum is a saddle; minima on both sides of it
-    assert [(o.kind, o.f < problem.f_star) for o in problem.others] == [("minimum", True)] * 2
-    for other in problem.others:
-        record = answered(problem, other.x)
-        assert verdict(record, "minimise") == "right"
-        assert verdict(record, "stationary") == "other"
-    assert verdict(answered(problem, problem.x_star), "minimise") == "saddle"
-    problem = suite.get("pendulum")
-    assert verdict(answered(problem, problem.x_star) | {"above": True}, "minimise") == "other"
 
 
 @pytest.mark.parametrize(
@@ -139,9 +125,19 @@ def test_a_crash_and_a_hang_cost_one_cell_each(tmp_path):
     assert found == ["failed", "failed", "right"]
     assert "SIGABRT" in records[0]["word"]
     assert "exit code 3" in records[1]["word"]
-    found, records = verdicts(tmp_path, planted("hang"), limits=Limits(2, 4))
+    found, records = verdicts(tmp_path, planted("hang"), limits=Limits(0.5, 4))
     assert found == ["limit"]
-    assert 2 <= records[0]["wall"] < 5
+    assert 0.5 < records[0]["processor"] <= records[0]["wall"] and records[0]["load"] >= 0
+
+
+@pytest.mark.slow
+def test_time_is_that_of_the_processor_of_the_program_and_those_it_calls(tmp_path, monkeypatch):
+    found, records = verdicts(tmp_path, planted("calls"), limits=Limits(0.5, 4))
+    assert found == ["limit"] and records[0]["processor"] > 0.5
+    monkeypatch.setattr(runner, "PATIENCE", 1.0)
+    found, records = verdicts(tmp_path, planted("sleep"), limits=Limits(4, 4))
+    assert found == ["failed"] and records[0]["word"] == "no answer in 5 s of the clock"
+    assert records[0]["processor"] < 4 and records[0]["wall"] >= 5
 
 
 @pytest.mark.slow
@@ -190,9 +186,9 @@ def test_what_has_changed_runs_again(tmp_path, monkeypatch):
         )
         return len(shown), records[0]["outcome"]
 
-    def pretended(target, asked, memory, seconds, *, limit):
-        if "sleep" in mine.read_text() and limit < 1:
-            raise TimeoutError
+    def pretended(target, asked, memory, seconds, *, limit, processor):
+        if "sleep" in mine.read_text() and processor < 1:
+            raise runner.process.Overrun("late", processor)
         return {"outcome": "answered"}
 
     monkeypatch.setattr(runner.process, "run", pretended)
@@ -213,59 +209,6 @@ def test_what_has_changed_runs_again(tmp_path, monkeypatch):
     assert ran(repeats=2) == (1, "answered")
 
 
-def answered(problem, x, said="solved"):
-    evidence = asdict(examine(problem, x))
-    record = {"outcome": "answered", "said": said, "unbounded": problem.unbounded, **evidence}
-    return {k: v for k, v in record.items() if v is not None}
-
-
-def judge(problem, x, said="solved", mode="stationary", accuracy=SAME_POINT):
-    return verdict(answered(problem, x, said), mode, accuracy)
-
-
-def test_judged_by_the_point_and_not_by_the_word():
-    problem = suite.get("pendulum_long")
-    assert judge(problem, problem.x_star, "gave up") == "right"
-    assert judge(problem, problem.x_star + 1e-2) == "wrong"
-    assert judge(problem, problem.x_star + 1e-2, "gave up") == "failed"
-    assert judge(problem, problem.others[0].x) == "other"
-    assert judge(problem, np.zeros(3)) == "wrong"
-    forgotten, problem.others = problem.others[0].x, ()
-    assert judge(problem, forgotten) == "new"
-    assert judge(problem, forgotten, mode="minimise") == "right"
-    assert judge(problem, forgotten + 1e-2) == "wrong"
-
-
-def test_two_accuracies():
-    problem = suite.get("pendulum")
-    x = problem.x_star + 1e-4 * problem.unit * np.sin(np.linspace(0, np.pi, problem.n))
-    assert [judge(problem, x, accuracy=a) for a in ACCURACIES] == ["right", "wrong"]
-    assert judge(problem, problem.x_star + 1e-7 * problem.unit, accuracy=1e-6) == "right"
-
-
-@pytest.mark.parametrize("name", ["oscillator", "figure_eight", "rod_pendulum"])
-def test_three_digits_of_the_path_are_enough(name):
-    """Along the softest direction, where next to no residual tells."""
-    problem = suite.get(name)
-    H = hessian(problem, problem.x_star, problem.lam_star).toarray()
-    values, vectors = np.linalg.eigh(H * problem.unit[:, None] * problem.unit)
-    soft = vectors[:, np.argmin(np.abs(values))] * problem.unit
-    soft /= problem.distance(problem.x_star + soft)
-    for distance, expected in ((5e-4, "right"), (2e-3, "wrong")):
-        for side in (1, -1):
-            found = answered(problem, problem.x_star + side * distance * soft)
-            assert verdict(found, "stationary") == expected
-            assert found["residual"] <= STEEP * SAME_POINT
-
-
-def test_success_in_tiny_units_is_no_success():
-    """Absolute tolerances are met at once where the action is 1e-36 J s."""
-    problem = suite.get("oscillator_atomic")
-    answer = solvers.run("ipopt", problem, problem.start())
-    assert answer.said == "solved"
-    assert judge(problem, answer.x, answer.said) == "wrong"
-
-
 @pytest.mark.parametrize(
     "solver", ["ipopt", "sqpmethod", "sqpmethod:osqp", "qrsqp", "fatrop", "sleqp", "uno"]
 )
@@ -273,7 +216,7 @@ def test_plugins_of_the_wheel(solver):
     problem = suite.get("pendulum")
     answer = solvers.run(solver, problem, problem.start())
     assert not problem.counts  # the judge's counts are its own
-    assert judge(problem, answer.x, answer.said) == "right"
+    assert problem.distance(answer.x) < SAME_POINT
     assert answer.said == "solved"
     counts = answer.evaluations
     assert counts["f"] > 0 and counts["grad"] > 0 and counts.get("hess", 0) + counts.get("hprod", 0)
@@ -300,8 +243,8 @@ def test_evaluations_are_those_the_solver_says():
     assert answer.evaluations == {k: stats[f"n_call_nlp_{name}"] for k, name in names.items()}
 
 
-def test_the_least_of_some_repeats_is_the_time():
-    problem, busy = suite.get("pendulum"), iter((0.06, 0.01, 0.03))
+def test_the_least_of_bare_repeats_is_the_time():
+    problem, busy = suite.get("pendulum"), iter((0.01, 0.06, 0.03))
 
     def solve(program, x0):
         program.objective(x0)
@@ -317,7 +260,7 @@ def test_the_least_of_some_repeats_is_the_time():
         answer = solvers.run("sleeper:solve", problem, problem.start(), repeats=3)
     finally:
         del sys.modules["sleeper"]
-    assert 0.01 <= answer.seconds < 0.03
+    assert 0.03 <= answer.seconds < 0.06 and len(answer.times) == 3
     assert answer.evaluations == {"f": 1}  # of one of them
 
 

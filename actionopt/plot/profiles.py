@@ -17,7 +17,7 @@ from actionopt.tools.types import Array
 
 @style.styled
 def profiles(
-    steps: Mapping[str, tuple[Array, Array]],
+    steps: Mapping[str, tuple[Array, Array] | None],
     *,
     ax: Any = None,
     xlabel: str = "",
@@ -28,7 +28,8 @@ def profiles(
     Parameters
     ----------
     steps : mapping of str to (positions, heights)
-        Increasing positions and the fractions reached there, as `suite.profile` has them.
+        Increasing positions and the fractions reached there, as `suite.profile` has them. Where
+        there are none at all, None: the name keeps its colour.
     ax : matplotlib Axes, optional
     xlabel : str
         What the positions are.
@@ -41,9 +42,10 @@ def profiles(
     """
     if ax is None:
         ax = Figure(layout="constrained").add_subplot()  # not pyplot's: it needs no display
-    reach = max((x[-1] for x, _ in steps.values() if x.size), default=10 * least)
+    drawn = {(i, name): s for i, (name, s) in enumerate(steps.items()) if s is not None}
+    reach = max((x[-1] for x, _ in drawn.values() if x.size), default=10 * least)
     reach = max(reach, 2 * least)
-    for i, (name, (x, y)) in enumerate(steps.items()):
+    for (i, name), (x, y) in drawn.items():
         ends = np.concatenate([[least], np.maximum(x, least), [reach]])
         heights = np.concatenate([[0.0], y, [y[-1] if y.size else 0.0]])
         ax.step(ends, heights, where="post", label=name, **style.strand(i))
@@ -55,14 +57,15 @@ def profiles(
 
 @style.styled
 def dial(
-    found: Mapping[str, tuple[Array, Array, Array]], *, ax: Any = None, xlabel: str = ""
+    found: Mapping[str, tuple[Array, Array, Array] | None], *, ax: Any = None, xlabel: str = ""
 ) -> Any:
     """Draw what solvers cost along a parameter: filled where the answer is right.
 
     Parameters
     ----------
     found : mapping of str to (values, costs, right)
-        Of each solver, at each value it gave an answer at; `right` are booleans.
+        Of each solver, at each value it gave an answer at; `right` are booleans. None of one that
+        is not drawn.
     ax : matplotlib Axes, optional
     xlabel : str
         What the values are.
@@ -73,8 +76,10 @@ def dial(
     """
     if ax is None:
         ax = Figure(layout="constrained").add_subplot()
-    for i, (name, (values, costs, right)) in enumerate(found.items()):
-        strand = style.strand(i)
+    for i, (name, points) in enumerate(found.items()):
+        if points is None:
+            continue
+        (values, costs, right), strand = points, style.strand(i)
         (line,) = ax.plot(values, costs, label=name, **strand)
         for mine, face in ((right, line.get_color()), (~right, "none")):
             ax.plot(values[mine], costs[mine], "o", mfc=face, mec=line.get_color(), ls="none")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.analysis.solution import SolveError
-from actionopt.discrete.factors import negative_eigenvalues
+from actionopt.discrete.factors import Factors, negative_eigenvalues
 from actionopt.discrete.newton import follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
@@ -52,7 +52,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = NO_P
     """
     asked, cut = tr.problem, tr.layout.unknowns
     assert isinstance(asked, Held)
-    first, layout, seen = z[:cut], tr.layout, []
+    first, seen = z[:cut], []
     _, lam = tr.unpack(z)
     while len(seen) < SET_ROUNDS and not any((on == other).all() for other in seen):
         seen.append(on)
@@ -63,13 +63,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = NO_P
         again = follow(part, found.z, linear=True, steps=1)
         Q, lam = part.unpack(again.z)
         z = tr.pack(Q, np.nan_to_num(lam))
-        push = np.zeros(on.shape)
-        push[layout.row_node, layout.row_constraint] = -z[cut:]
-        row = np.ones(on.shape)
-        row[layout.row_node, layout.row_constraint] = tr.constraint(z[:cut])
-        m = asked.free.system.m
-        new = np.where(on, push >= -ON_ROW, row < -ON_ROW)
-        new[:, :m] = True
+        new = _revised(tr, on, z)
         if (new == on).all():
             break
         on = new
@@ -143,20 +137,38 @@ def fit_multipliers(tr: Transcription, x: Array) -> Array:
     return np.where(layout.row_constraint < asked.free.system.m, mu, np.minimum(mu, 0.0))
 
 
-def residual(tr: Transcription, z: Array) -> float:
-    """Return the largest violation of the conditions, relative to the gradient's largest terms.
+def step(tr: Transcription, x: Array) -> Array:
+    """Return Newton's step from x, (unknowns,), with the rows that are in contact behind it.
 
-    Of the gradient of S + mu c; of c >= 0, or c = 0; of mu <= 0; and of the complementarity of
-    the two, whose smaller one is to vanish.
+    Those that x touches to begin with: then rows that pull leave, and those that the step violates
+    come, until that settles, as in `star`. Rows that hardly press may come and go for ever, and
+    make hardly any difference.
     """
-    asked, layout = tr.problem, tr.layout
+    asked, seen = tr.problem, []
     assert isinstance(asked, Held)
-    x, mu = z[: layout.unknowns], z[layout.unknowns :]
-    with np.errstate(all="ignore"):
-        c, whole = tr.constraint(x), tr.residual(z)[: layout.unknowns]
-        work = np.max(np.abs(np.concatenate([g.ravel() for g in tr.work(x)])))
-        size = max(float(work * tr.x_unit.max() / tr.action_unit), np.finfo(float).tiny)
-        push = -mu / size
-        equal = layout.row_constraint < asked.free.system.m
-        miss = np.where(equal, np.abs(c), np.abs(np.minimum(c, push)))
-        return float(max(np.max(np.abs(whole)) / size, np.max(miss, initial=0.0)))
+    on = touching(tr, tr.pack(tr.coordinates(x)), MET)
+    found = np.full(x.size, np.nan)
+    while len(seen) < SET_ROUNDS and not any((on == other).all() for other in seen):
+        seen.append(on)
+        part = Transcription(Pressed(asked.free, on), tr.mesh, tr.lengths, like=tr)
+        z = np.concatenate([x, least_multipliers(part, x)])
+        try:
+            with np.errstate(all="ignore"):
+                whole = -Factors(part.layout, part.kkt(z)).solve(part.residual(z))
+        except np.linalg.LinAlgError:
+            break
+        found, (_, lam) = whole[: x.size], part.unpack(z + whole)
+        on = _revised(tr, on, tr.pack(tr.coordinates(x + found), np.nan_to_num(lam)))
+    return found
+
+
+def _revised(tr: Transcription, on: NDArray[np.bool_], z: Array) -> NDArray[np.bool_]:
+    """Return the rows in force after those `on`: without those that pull, with those violated."""
+    asked, layout, cut = tr.problem, tr.layout, tr.layout.unknowns
+    assert isinstance(asked, Held)
+    push, row = np.zeros(on.shape), np.ones(on.shape)
+    push[layout.row_node, layout.row_constraint] = -z[cut:]
+    row[layout.row_node, layout.row_constraint] = tr.constraint(z[:cut])
+    new = np.where(on, push >= -ON_ROW, row < -ON_ROW)
+    new[:, : asked.free.system.m] = True
+    return new

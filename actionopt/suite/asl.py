@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,11 +42,11 @@ class AmplResult:
 
 
 def find(binary: str) -> Path:
-    """Return where a solver is: a path, or a name on the search path.
+    """Return where a solver is: a path, or a name on the search path or beside the interpreter.
 
     Raises ValueError if there is none that can be executed.
     """
-    found = shutil.which(binary)
+    found = shutil.which(binary) or shutil.which(binary, path=str(Path(sys.executable).parent))
     if found is None:
         raise ValueError(f"expected asl: and a solver that reads .nl files, found no {binary!r}")
     return Path(found).resolve()

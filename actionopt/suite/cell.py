@@ -14,14 +14,15 @@ from actionopt import suite
 from actionopt.suite import solvers
 from actionopt.suite.problem import TestProblem
 from actionopt.suite.verdict import examine
+from actionopt.tools.process import processor_time
 
 
 @dataclass(frozen=True)
 class Cell:
     """A solver, a problem, a mesh and a starting point (the problem's own where None).
 
-    `parameters` are those of `suite.get`: the scene's, and `decades`. The solve is timed
-    `repeats` times.
+    `parameters` are those of `suite.get`: the scene's, and `decades`. There are `repeats` solves,
+    of which the first is counted and the others are timed.
     """
 
     solver: str
@@ -60,11 +61,15 @@ def attempt(cell: Cell) -> dict[str, Any]:
         "said": answer.said,
         "word": answer.word,
         "seconds": answer.seconds,
-        "solves": answer.repeats,
+        "times": list(answer.times),
         "evaluations": answer.evaluations,
         # Of a problem of its own: a solver could have left its mark on the other.
         "history": cell.make().history(answer.program.visited or []),
         "x": np.asarray(answer.x, dtype=float).ravel().tolist(),
+        "differing": [
+            {"said": said, "word": word, "x": np.asarray(x, dtype=float).ravel().tolist()}
+            for x, _, said, word in answer.differing
+        ],
     }
 
 
@@ -72,21 +77,30 @@ def with_verdict(
     found: dict[str, Any], problem: TestProblem, start: str | None = None
 ) -> dict[str, Any]:
     """Return what was found with what there is to know of it; a point only if it is a new one."""
-    x = np.array(found.pop("x", []))
     about = {"class": problem.classification, "n": problem.n, "m": problem.m}
     if found["outcome"] != "answered":
         return about | found
-    evidence = examine(problem, x)
-    lowest = problem.lowest
+    lowest, x0 = problem.lowest, problem.start(start)
     known = {
         "unbounded": problem.unbounded,
         "f_star": problem.f_star,
         "f_lowest": lowest if np.isfinite(lowest) else None,
-        "f_start": problem.objective(problem.start(start)),
-        **asdict(evidence),
-        "point": (x / problem.unit).tolist() if evidence.at == "new" else None,
+        "f_start": problem.objective(x0),
     }
-    return about | found | {k: v for k, v in known.items() if v is not None}
+
+    def judged(answer: dict[str, Any]) -> dict[str, Any]:
+        x = np.array(answer.pop("x", []))
+        evidence = examine(problem, x, x0)
+        point = (x / problem.unit).tolist() if evidence.at == "new" else None
+        return _said(answer | asdict(evidence) | {"point": point})
+
+    differing = [judged(dict(answer)) for answer in found.pop("differing", ())]
+    return _said(about | known) | judged(dict(found)) | _said({"differing": differing or None})
+
+
+def _said(entries: dict[str, Any]) -> dict[str, Any]:
+    """Return the entries that say something."""
+    return {k: v for k, v in entries.items() if v is not None}
 
 
 def evaluate(cell: Cell) -> dict[str, Any]:
@@ -107,7 +121,8 @@ def _trace(error: BaseException) -> str:
 def limit(memory: float, seconds: float) -> None:
     """Bound this process's address space (GiB) and time (s), where that is possible.
 
-    Not the processor time: with a bound on that, sleqp does not converge.
+    Not the processor time, which is watched from outside: with a bound on that, sleqp does not
+    converge.
     """
     try:
         import resource
@@ -121,4 +136,4 @@ def limit(memory: float, seconds: float) -> None:
 def run_within(asked: dict[str, Any], memory: float, seconds: float) -> dict[str, Any]:
     """Run a cell's solver, the cell given as plain data, within these bounds."""
     limit(memory, seconds)
-    return attempt(Cell(**asked))
+    return attempt(Cell(**asked)) | {"processor": processor_time()}

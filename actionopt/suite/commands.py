@@ -93,9 +93,14 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         "--start",
         help="starting point: guess, straight, perturbed, coarse or near (the problem's own)",
     )
-    add("--seconds", type=float, default=60.0, help="wall time of one run (60)")
+    add(
+        "--seconds",
+        type=float,
+        default=runner.Limits().seconds,
+        help="processor time of one solve (5)",
+    )
     add("--memory", type=float, default=8.0, help="memory of one run, GiB (8)")
-    add("--repeats", type=_whole, default=3, help="solves timed, the least counts (3)")
+    add("--repeats", type=_whole, default=3, help="solves; the first is counted (3)")
     add("--again", action="store_true", help="run what the file has already, too")
     add("--jobs", type=int, default=1, help="runs at the same time (1)")
     command = commands.add_parser(

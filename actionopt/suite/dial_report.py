@@ -58,7 +58,7 @@ def _dial(dial: Dial, records: Records, folder: Path) -> str:
     if not mine:
         return ""
     solvers = list(dict.fromkeys(r["solver"] for r in mine))
-    curves = {}
+    curves: dict[str, Any] = dict.fromkeys(dict.fromkeys(r["solver"] for r in records))
     for solver in filter(is_counted, solvers):
         own = [r for r in mine if r["solver"] == solver and r["outcome"] == "answered"]
         own.sort(key=lambda r: dial.values.index(dial.value(r)))
@@ -75,7 +75,7 @@ def _dial(dial: Dial, records: Records, folder: Path) -> str:
             f"<h2>{escape(dial.name.capitalize())}</h2>",
             f"<p>{escape(dial.family)}, {dial.elements} elements of degree {dial.degree}, from "
             f"{dial.start!r}: {escape(dial.parameter)} sets {escape(dial.shows)}.</p>",
-            _figure(curves, folder, dial) if curves else "",
+            _figure(curves, folder, dial) if any(curves.values()) else "",
             table([dial.parameter, *solvers], rows),
         ]
     )

@@ -2,7 +2,9 @@
 
 The *performance profile* of a solver is the fraction of problems it solves within tau times the
 cost of the best solver for each: E. D. Dolan and J. J. More, Mathematical Programming 91 (2002),
-201-213, eq. (2.1). Solved is what the verdict calls right.
+201-213, eq. (2.1). Solved is what the verdict calls right. Where the best takes less than
+`SHORTEST` seconds, the clock measures calls of functions and not solvers: those problems are left
+out of profiles of time.
 
 The *data profile* is the fraction of problems for which alpha (n + 1) evaluations of f are enough
 for the convergence test
@@ -27,6 +29,7 @@ from actionopt.suite.verdict import UNSCORED, verdict
 from actionopt.tools.types import Array
 
 TAUS = (1e-3, 1e-6)
+SHORTEST = 0.01  # seconds; ad hoc
 
 Record = Mapping[str, Any]
 Records = Sequence[Record]
@@ -40,7 +43,7 @@ def costs(records: Records, measure: str, mode: str, accuracy: float) -> dict[st
     records : sequence of mapping
         As the runner writes them.
     measure : {"seconds", "f", "grad", ...}
-        Wall time, or evaluations of that function.
+        Processor time, or evaluations of that function.
     mode : {"minimise", "stationary"}
     accuracy : float
         Distance from the stationary point that is allowed, in units of the coordinates.
@@ -48,12 +51,16 @@ def costs(records: Records, measure: str, mode: str, accuracy: float) -> dict[st
     Returns
     -------
     dict of str to (problems,) array
-        NaN where a solver is not scored, for it was not there or its file had a mistake. Solvers
-        whose evaluations are not counted have no others than seconds.
+        NaN where a solver is not scored, for it was not there or not run. Solvers whose
+        evaluations are not counted have no others than seconds.
     """
     if measure != "seconds":
         records = [r for r in records if is_counted(r["solver"])]
-    return _table(records, lambda r: _cost(r, measure, mode, accuracy))
+    table = _table(records, lambda r: _cost(r, measure, mode, accuracy))
+    if measure != "seconds" or not table:
+        return table
+    long = np.fmin.reduce(list(table.values())) >= SHORTEST
+    return {solver: row[long] for solver, row in table.items()}
 
 
 def _cost(record: Record, measure: str, mode: str, accuracy: float) -> float:
@@ -69,11 +76,11 @@ def _table(records: Records, cost: Any) -> dict[str, Array]:
     problems = list(dict.fromkeys(where for where, _ in cells))
     table = {}
     for solver in dict.fromkeys(r["solver"] for r in records):
-        row = np.full(len(problems), np.inf)
+        row = np.full(len(problems), np.nan)
         for i, where in enumerate(problems):
             record = cells.get((where, solver))
-            if record is not None:
-                row[i] = np.nan if record["outcome"] in UNSCORED else cost(record)
+            if record is not None and record["outcome"] not in UNSCORED:
+                row[i] = cost(record)
         table[solver] = row
     return table
 

@@ -13,8 +13,11 @@ multipliers lambda(t_k) of the continuous problem.
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -157,10 +160,15 @@ class Program:
         return lower * weight, upper * weight
 
     @property
+    def bounded(self) -> bool:
+        """Whether x has bounds."""
+        return bool(self.limits.coordinates)
+
+    @property
     def inequalities(self) -> bool:
         """Whether anything may hold strictly: a bound of x, or a row that is no equation."""
         lower, upper = self.constraint_bounds
-        return bool(self.limits.coordinates) or bool(np.any(lower < upper))
+        return self.bounded or bool(np.any(lower < upper))
 
     @property
     def linear_rows(self) -> NDArray[np.bool_]:
@@ -261,6 +269,31 @@ class Program:
 
     def _scale(self, x: Array) -> Array:
         return np.asarray(x, dtype=float) / self.unit
+
+
+GIVEN = (
+    "n m classification bounded inequalities bounds constraint_bounds linear_rows nnz_jacobian "
+    "nnz_hessian jacobian_structure hessian_structure"
+).split()
+FUNCTIONS = "objective gradient constraints jacobian hessian hessian_product".split()
+
+
+class Given:
+    """The numbers and functions of a program: nothing of its counts, nor of where it is from.
+
+    Those of `Program`, by the same names; arrays are copies.
+    """
+
+    def __init__(self, program: Program) -> None:
+        for name in GIVEN:
+            setattr(self, name, copy.deepcopy(getattr(program, name)))
+        for name in FUNCTIONS:
+            setattr(self, name, _alone(getattr(program, name)))
+
+
+def _alone(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that is no method: nothing that it belongs to is at hand."""
+    return lambda *arguments, **named: function(*arguments, **named)
 
 
 def _quadratic_constraint(system: System) -> bool:

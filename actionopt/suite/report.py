@@ -32,10 +32,17 @@ at a violation of no more than tau. Only the {bounded} problems that have a leas
 <h2>Evaluations</h2>
 <p>Median over the right answers of minimisers, counted in the functions that the solver is given:
 a call that returns f and c is one of each, a product with a Hessian is no Hessian. Seconds are
-those of the clock, the least of {repeats}; of solves that take a second, of one. The functions of
-SciPy's solvers are called from Python, and take longer.</p>
+those of the processor. There are {repeats} solves of each problem, all in one process: the first is
+counted, of the others, which carry no counting, the least time is taken (of solves that take a
+second there is one). Spread is the largest of their times over the least, the median over answers
+of {shortest:g} s or more. Where solves of one problem end at different answers, the worst is its
+verdict: the last column says on how many. The functions of SciPy's solvers are called from Python,
+and take longer.</p>
 {evaluations}
 <h2>Solvers</h2>
+<p>The time allowed is that of the processor, for one solve; the load is how many programs the
+machine had to run at once, and the clock ran so many times as long as the processor was used (the
+medians). It does not count who waits.</p>
 {versions}
 <h2>Problem by problem</h2>
 {matrices}
@@ -49,11 +56,13 @@ SECTION = """\
 <p>Within {loose:g} of the point, in units of the coordinates; in parentheses, right within
 {tight:g}.</p>
 {verdicts}
-<p>Right by class: objective Quadratic or Other; constraints Unconstrained (none), Linear, Quadratic
-or Other.</p>
+<p>Right by class: objective Quadratic or Other; constraints Unconstrained (none), Bounds alone,
+Linear, Quadratic or Other.</p>
 {classes}
 <p>Performance profiles, as Dolan and Mor&eacute; have them: fraction of problems solved within so
-many times the cost of the best solver for each.</p>
+many times the cost of the best solver for each. Of those that a solver takes at all: one that takes
+no constraints has fewer. Times of less than {shortest:g} s measure calls of functions, not solvers:
+problems that some solver has done sooner are left out where time is drawn.</p>
 {figures}
 """
 VERBS = {"minimise": "minimise", "stationary": "find the stationary point"}
@@ -83,10 +92,10 @@ def write(records: Records, directory: str | Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     every, records = records, [r for r in records if not on_a_dial(r)] or records
     ran = [r for r in records if r["outcome"] != "absent"]
-    tables = {tau: profile.evaluations_per_unknown(ran, tau) for tau in profile.TAUS}
+    tables = {tau: profile.evaluations_per_unknown(records, tau) for tau in profile.TAUS}
     data = [
         _figure(
-            profile.data(table),
+            _of_all(profile.data(table), records),
             folder,
             f"data_{tau:.0e}",
             f"evaluations of f / (n + 1), tau = {tau:g}",
@@ -106,10 +115,11 @@ def write(records: Records, directory: str | Path) -> Path:
             for name, how in CHANGED_DEFAULTS.items()
             if any(r["solver"].partition(":")[0] == name for r in records)
         ),
-        modes="\n".join(_section(mode, records, ran, folder) for mode in VERDICT_MODES),
+        modes="\n".join(_section(mode, records, folder) for mode in VERDICT_MODES),
         bounded=max(len(row) for row in next(iter(tables.values())).values()) if ran else 0,
         data="\n".join(data),
         repeats=_span(records, "repeats"),
+        shortest=profile.SHORTEST,
         evaluations=_evaluations(ran),
         versions=_versions(records),
         matrices="\n".join(
@@ -146,11 +156,17 @@ def _in_order(records: Records) -> Records:
     )
 
 
-def _section(mode: str, records: Records, ran: Records, folder: Path) -> str:
+def _of_all(steps: Mapping[str, Any], records: Records) -> dict[str, Any]:
+    """Return them in one order of all solvers, so that each has one colour in all figures."""
+    return {solver: steps.get(solver) for solver in _by_solver(records)}
+
+
+def _section(mode: str, records: Records, folder: Path) -> str:
     images = []
     for measure, title in COSTS.items():
         for accuracy in ACCURACIES:
-            steps = profile.performance(profile.costs(ran, measure, mode, accuracy))
+            steps = profile.performance(profile.costs(records, measure, mode, accuracy))
+            steps = _of_all(steps, records)
             name = f"{mode}_{measure}_{accuracy:.0e}"
             images.append(_figure(steps, folder, name, f"{title} (within {accuracy:g})", 1.0))
     loose, tight = ACCURACIES
@@ -160,7 +176,8 @@ def _section(mode: str, records: Records, ran: Records, folder: Path) -> str:
         loose=loose,
         tight=tight,
         verdicts=_verdicts(records, mode),
-        classes=_classes(ran, mode),
+        classes=_classes(records, mode),
+        shortest=profile.SHORTEST,
         figures="\n".join(images),
     )
 
@@ -254,23 +271,29 @@ def _evaluations(records: Records) -> str:
     rows = []
     for solver, every in _by_solver(records).items():
         mine = [r for r in every if verdict(r, "minimise") == "right"]
-        cells = [""] * (len(COUNTED) + 1)
+        cells = [""] * (len(COUNTED) + 2)
         if mine:
             counts = (median(r["evaluations"].get(name, 0) for r in mine) for name in COUNTED)
-            shown = [f"{c:.0f}" for c in counts] if is_counted(solver) else cells[:-1]
-            cells = [*shown, f"{median(r['seconds'] for r in mine):.2g}"]
-        rows.append([solver, *cells])
-    return table(["solver", *COUNTED, "seconds"], rows)
+            shown = [f"{c:.0f}" for c in counts] if is_counted(solver) else [""] * len(COUNTED)
+            bare = [r.get("times", ())[1:] for r in mine if r["seconds"] >= profile.SHORTEST]
+            spread = [max(times) / min(times) for times in bare if len(times) > 1]
+            seconds = f"{median(r['seconds'] for r in mine):.2g}"
+            cells = [*shown, seconds, f"{median(spread):.2f}" if spread else ""]
+        differ = sum("differing" in r for r in every)
+        rows.append([solver, *cells, str(differ or "")])
+    return table(["solver", *COUNTED, "seconds", "spread", "differ"], rows)
 
 
 def _versions(records: Records) -> str:
     rows = []
     for solver, mine in _by_solver(records).items():
         least = min((r["allowed"] for r in mine if "allowed" in r), default=LIMITS.seconds)
-        rows.append(
-            [solver, "; ".join(sorted({r.get("content", "") for r in mine})), f"{least:g} s"]
-        )
-    return table(["solver", "version", "time allowed"], rows)
+        loads = [r["load"] for r in mine if "load" in r]
+        waits = [r["wall"] / r["processor"] for r in mine if r.get("processor")]
+        shown = [f"{median(values):.1f}" if values else "" for values in (loads, waits)]
+        versions = "; ".join(sorted({r.get("content", "") for r in mine}))
+        rows.append([solver, versions, f"{least:g} s", *shown])
+    return table(["solver", "version", "time allowed", "load", "clock / processor"], rows)
 
 
 def _by_solver(records: Records) -> dict[str, list[Mapping[str, Any]]]:

@@ -31,7 +31,12 @@ from actionopt.tools import process
 from actionopt.tools.files import rounded
 
 RECORD_DIGITS = 4  # of times and distances: they differ in the second
-ROUNDED_COLUMNS = ("distance", "residual", "violation", "off", "seconds", "wall")
+ROUNDED_COLUMNS = (
+    *("distance", "residual", "violation", "off"),
+    *("seconds", "times", "wall", "processor", "load"),
+)
+PATIENCE = 10.0  # seconds of the clock for one of the processor, on a machine with much to do
+START = 1.0  # second of the processor that a process takes to start; ad hoc
 ONE_AT_A_TIME = Lock()
 KEY = ("solver", "problem", "elements", "degree", "start", "parameters", "repeats")
 CONTENT = ("content", "numbers", "package", "machine")  # what makes answers differ beside these
@@ -39,9 +44,12 @@ CONTENT = ("content", "numbers", "package", "machine")  # what makes answers dif
 
 @dataclass(frozen=True)
 class Limits:
-    """Wall time (s) and memory (GiB) of one solver, its process's start included."""
+    """Processor time (s) of one solve, and memory (GiB) of its process.
 
-    seconds: float = 60.0
+    The clock may run `PATIENCE` times as long for a process that uses less, and all its solves.
+    """
+
+    seconds: float = 5.0
     memory: float = 8.0
 
 
@@ -138,28 +146,44 @@ def _holds(record: Mapping[str, Any] | None, bounds: Limits) -> bool:
 
 def run_one(cell: Cell, about: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
     """Run one cell in a process of its own; return its record, whatever becomes of it."""
-    clock = perf_counter()
+    return judge(cell, about, attempt(cell, limits))
+
+
+def attempt(cell: Cell, limits: Limits) -> dict[str, Any]:
+    """Run one cell in a process of its own; return what came of it, the answer not judged."""
+    clock, wall = perf_counter(), PATIENCE * (START + limits.seconds)
     try:
-        arguments = asdict(cell), limits.memory, limits.seconds
-        outcome = process.run("actionopt.suite.cell:run_within", *arguments, limit=limits.seconds)
-    except TimeoutError as error:
-        outcome = {"outcome": "limit", "word": str(error)}
+        outcome = process.run(
+            "actionopt.suite.cell:run_within",
+            *(asdict(cell), limits.memory, wall),
+            limit=wall,
+            processor=limits.seconds,
+        )
+    except process.Overrun as error:
+        # Who sleeps has used less than is allowed, and is not out of time.
+        short = error.used is not None and error.used < limits.seconds
+        outcome = {"outcome": "failed" if short else "limit", "word": str(error)}
+        outcome["processor"] = error.used
     except process.Died as error:
         outcome = {"outcome": "failed", "word": str(error)[:300]}
         if "MemoryError" in error.said or "bad_alloc" in error.said:
             outcome = {"outcome": "limit", "word": "out of memory"}
-    wall = perf_counter() - clock
-    with ONE_AT_A_TIME:  # what is known of a problem is found once, and takes no solver's time
-        problem = _problem(json.dumps(asdict(replace(cell, solver=""))))
-        outcome = with_verdict(outcome, problem, cell.start)
-    record = {
-        **about,
+    return {
         **outcome,
-        "wall": wall,
+        "wall": perf_counter() - clock,
+        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
         "allowed": limits.seconds,
         "memory": limits.memory,
         "date": datetime.date.today().isoformat(),
     }
+
+
+def judge(cell: Cell, about: Mapping[str, Any], outcome: dict[str, Any]) -> dict[str, Any]:
+    """Return the record of what came of a cell."""
+    with ONE_AT_A_TIME:  # what is known of a problem is found once, and takes no solver's time
+        problem = _problem(json.dumps(asdict(replace(cell, solver=""))))
+        outcome = with_verdict(outcome, problem, cell.start)
+    record = {**about, **outcome}
     short = rounded({k: record[k] for k in ROUNDED_COLUMNS if k in record}, RECORD_DIGITS)
     return {k: v for k, v in (record | short).items() if v not in (None, "")}
 

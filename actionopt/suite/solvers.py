@@ -31,7 +31,6 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import process_time
 from typing import Any
 
 import casadi as ca
@@ -45,14 +44,10 @@ from actionopt.suite.interfaces import (
     nlopt_problem,
     scipy_arguments,
 )
-from actionopt.suite.program import Program
+from actionopt.suite.program import Given, Program
 from actionopt.suite.words import OUTCOME_WORDS, message
+from actionopt.tools.process import count_anew, processor_time
 from actionopt.tools.types import Array
-
-try:
-    import resource
-except ImportError:  # not on this system
-    resource = None
 
 QUIET = {"print_header": False, "print_iteration": False}
 SQP = {**QUIET, "print_status": False}
@@ -106,7 +101,7 @@ CALLS = {
     "fwd1_nlp_grad_l": "hprod",
     "nlp_grad": "",
 }
-LONG_SOLVE = 1.0  # seconds of a solve that a clock measures well enough at once; ad hoc
+LONG_SOLVE = 1.0  # seconds of a solve of which one more measures enough; ad hoc
 
 OWN_SOLVER_HELP = """\
 A solver of yours is FILE.py:FUNCTION. It is called with a problem and x0 (n,), to minimise f(x)
@@ -122,7 +117,7 @@ c(x) and of x, lower and upper.
 The problem has n, m, classification, objective(x), gradient(x), constraints(x), jacobian(x),
 hessian(x, lam) and hessian_product(x, lam, p): the nonzeros of the last two matrices, flat, their
 rows and columns being jacobian_structure and hessian_structure (the upper triangle). All calls are
-counted. What is raised is taken for a mistake in the file, shown, and not scored; to give up,
+counted. What is raised is taken for a mistake in the file, shown, and a failure; to give up,
 return."""
 
 
@@ -145,22 +140,27 @@ class SolverResult:
         What it says of it.
     word : str
         Its own status.
-    seconds : float
-        Of the processor, for the solve alone; the least of all repeats.
+    times : tuple of float
+        Seconds of the processor for each solve alone; of the first, with the counting.
     program : Program
         What it was given: with the evaluations of the first solve, and where they were.
     lam : (m,) array or None
-    repeats : int
-        Solves that were timed.
+    differing : tuple of (x, lam, said, word)
+        What later solves returned that was not the same.
     """
 
     x: Array
     said: str
     word: str
-    seconds: float
+    times: tuple[float, ...]
     program: Program
     lam: Array | None = None
-    repeats: int = 1
+    differing: tuple[Outcome, ...] = ()
+
+    @property
+    def seconds(self) -> float:
+        """The least of the times without counting; the one with it, where there is no other."""
+        return min(self.times[1:] or self.times)
 
     @property
     def evaluations(self) -> dict[str, int]:
@@ -255,8 +255,9 @@ def content(name: str) -> str:
 def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> SolverResult:
     """Return the answer of the solver `name` from x0 (n,).
 
-    What it evaluates is counted in the first solve, and where. The others are for the clock alone,
-    and there are none if the first took a second. Raises Absent if the solver is not installed or
+    What it evaluates is counted in the first of `repeats` solves, and where. The others are bare:
+    nothing of Python's is between a plugin and its functions. There is one of them if the first
+    took a second. Raises Absent if the solver is not installed or
     takes no such problem, Mistake if a user's solver file fails.
     """
     check(name)
@@ -274,27 +275,24 @@ def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> SolverResul
 
 
 def _repeat(prepare: Prepare, problem: Program, x0: Array, repeats: int) -> SolverResult:
-    first = problem.view()
-    first.visited = []
-    found, best = _time(prepare(first, x0), x0)
-    count = 1
-    while count < repeats and best < LONG_SOLVE:
-        best = min(best, _time(prepare(problem.view(), x0), x0)[1])
-        count += 1
-    x, lam, word, status = found
-    return SolverResult(np.asarray(x), word, status, best, first, lam, count)
+    program = problem.view()
+    program.visited = []
+    first, taken = _time(prepare(program, x0), x0)
+    times, differing = [taken], []
+    for _ in range(min(repeats, 2 if taken >= LONG_SOLVE else repeats) - 1):
+        found, taken = _time(prepare(problem.view(), x0), x0)
+        times.append(taken)
+        if found[2] != first[2] or not np.array_equal(found[0], first[0], equal_nan=True):
+            differing.append(found)
+    x, lam, said, word = first
+    return SolverResult(np.asarray(x), said, word, tuple(times), program, lam, tuple(differing))
 
 
 def _time(solve: Callable[[Array], Outcome], x0: Array) -> tuple[Outcome, float]:
-    clock = _processor()
+    count_anew()  # what may be used is that of one solve
+    clock = processor_time()
     found = solve(x0.copy())
-    return found, _processor() - clock
-
-
-def _processor() -> float:
-    """Return the seconds of the processor: other programs beside do not count, those called do."""
-    called = resource.getrusage(resource.RUSAGE_CHILDREN) if resource else None
-    return process_time() + (called.ru_utime + called.ru_stime if called else 0.0)
+    return found, processor_time() - clock
 
 
 class Counted(ca.Callback):
@@ -360,7 +358,7 @@ def _plugin(plugin: str, qp: str) -> Prepare:
 
         bounds: dict[str, Any] = {}
         bounds |= zip(("lbg", "ubg"), program.constraint_bounds, strict=True)
-        if program.limits.coordinates:
+        if program.bounded:
             bounds |= zip(("lbx", "ubx"), program.bounds, strict=True)
 
         def solve(x0: Array, _alive: Any = counted) -> Outcome:  # CasADi keeps no reference
@@ -474,9 +472,11 @@ def _function(place: str, name: str) -> Prepare:
         raise Mistake(f"{place} could not be loaded") from error
 
     def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
+        given = Given(program)
+
         def solve(x0: Array) -> Outcome:
             try:
-                found = function(program, x0)
+                found = function(given, x0)
                 x, lam, word = found if isinstance(found, tuple) else (found, None, True)
                 if not isinstance(word, str):
                     word = "solved" if word else "gave up"

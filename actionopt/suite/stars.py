@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.analysis.solution import SolveError
-from actionopt.discrete.factors import negative_eigenvalues, product
+from actionopt.discrete.factors import Factors, negative_eigenvalues, product
 from actionopt.discrete.newton import follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.scenes import Scene
@@ -175,6 +175,16 @@ def relative_residual(tr: Transcription, z: Array) -> float:
         terms = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z))
         size = float(np.max(terms, initial=np.finfo(float).tiny))
         return float(np.max(np.abs(tr.residual(z)), initial=0.0)) / size
+
+
+def newton_step(tr: Transcription, x: Array) -> Array:
+    """Return Newton's step from x for the conditions of first order, (unknowns,); NaN if none."""
+    z = np.concatenate([x, least_multipliers(tr, x)])
+    try:
+        with np.errstate(all="ignore"):
+            return -Factors(tr.layout, tr.kkt(z)).solve(tr.residual(z))[: x.size]
+    except np.linalg.LinAlgError:
+        return np.full(x.size, np.nan)
 
 
 def others(

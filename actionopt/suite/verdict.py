@@ -20,7 +20,7 @@ VERDICT_MODES = ("minimise", "stationary")
 VERDICT_MEANING = {
     "minimise": {
         "right": "a local minimum, with f not above that of the known optimum; or 'unbounded', "
-        "where f is",
+        "where f is, with a feasible point far below the optimum and the start",
         "other": "a local minimum with a larger f",
         "saddle": "a stationary point that is no minimum",
         "wrong": "claimed to be an optimum and not stationary, or 'unbounded' where f is not",
@@ -35,14 +35,19 @@ VERDICT_MEANING = {
 UNJUDGED = {
     "failed": "the solver gave up, or crashed",
     "limit": "out of time or memory",
-    "error": "a mistake in the solver's file: not scored",
+    "error": "a mistake in the solver's file: a failure",
     "absent": "the solver is not installed here, or takes no constraints: not scored",
 }
-UNSCORED = ("error", "absent")
+UNSCORED = ("absent",)
+WORST_LAST = ("right", "other", "new", "saddle", "failed", "wrong")
 # Solvers stop at tolerances of their own, some at 1e-6 in the action: three digits of the path.
 SAME_POINT = 1e-3  # in units of the coordinates: the same point
 ACCURACIES = (SAME_POINT, 1e-6)
-STEEP = 0.1  # relative KKT residual allowed, multipliers fitted, over the distance allowed
+# Newton's step, in units of the coordinates, beyond which no stationary point is looked for: near
+# one it is the distance, where f is quadratic so far away. Ad hoc.
+NEAR = 1.0
+# Times the sizes of f that are known: what so far below is found, has no bottom; ad hoc.
+FAR_BELOW = 1e3
 SAME_VALUE = 1e-9  # relative: values of f that differ less are the same
 
 
@@ -55,7 +60,7 @@ class Evidence:
     distance : float or None
         From the known optimum, in units of the coordinates; None of what is no answer.
     residual : float or None
-        Relative KKT residual, multipliers fitted.
+        Newton's step for the conditions of first order, in units of the coordinates.
     f, violation : float or None
         Objective there, and the largest constraint.
     at : {"optimum", "other", "new"} or None
@@ -66,6 +71,8 @@ class Evidence:
         Its objective and index; None where that is degenerate.
     above : bool
         Whether its f is larger than that of the known optimum.
+    far_below : bool
+        Whether x is feasible and f so far below that there is no bottom.
     """
 
     distance: float | None = None
@@ -77,10 +84,11 @@ class Evidence:
     f_there: float | None = None
     index: int | None = None
     above: bool = False
+    far_below: bool = False
 
 
-def examine(problem: TestProblem, x: Array) -> Evidence:
-    """Return what there is to know of x (n,)."""
+def examine(problem: TestProblem, x: Array, x0: Array) -> Evidence:
+    """Return what there is to know of x (n,), which a solver came to from x0."""
     if np.shape(x) != (problem.n,) or not np.all(np.isfinite(x)):
         return Evidence()
     distance, residual = problem.distance(x), problem.residual(x)
@@ -89,11 +97,12 @@ def examine(problem: TestProblem, x: Array) -> Evidence:
         "residual": _finite(residual),
         "f": _finite(problem.objective(x)),
         "violation": _finite(problem.violation(x)),
+        "far_below": _is_far_below(problem, x, x0),
     }
     at, off, point = None, None, None
     if distance <= SAME_POINT:
         at, off, point = "optimum", distance, problem.optimum
-    elif residual <= STEEP * SAME_POINT:
+    elif residual <= NEAR:
         for other in problem.others:
             if (away := problem.distance(x, other.x)) <= SAME_POINT:
                 at, off, point = "other", away, other
@@ -106,6 +115,15 @@ def examine(problem: TestProblem, x: Array) -> Evidence:
     return Evidence(**facts, at=at, off=off, f_there=point.f, index=point.index, above=above)
 
 
+def _is_far_below(problem: TestProblem, x: Array, x0: Array) -> bool:
+    known = np.array([problem.objective(x0), problem.f_star])
+    size = max(float(np.max(np.abs(known))), problem.transcription.action_unit)
+    # Far away, what round-off leaves of a row is in proportion to its terms.
+    violation, away = problem.violation(x), float(np.max(np.abs(x / problem.unit), initial=1.0))
+    f = problem.objective(x)
+    return bool(f < known.min() - FAR_BELOW * size and violation <= SAME_POINT * max(away, 1.0))
+
+
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
@@ -113,16 +131,25 @@ def _finite(value: float) -> float | None:
 def verdict(record: Mapping[str, Any], mode: str, accuracy: float = SAME_POINT) -> str:
     """Return the verdict on a record, as the runner writes it, for one mode and accuracy.
 
-    A solver's word counts in three cases: "unbounded" may be right; to claim what is not so is
-    wrong, and to give up a failure.
+    A solver's word counts in three cases: "unbounded" is right with evidence where it is so; to
+    claim what is not so is wrong, and to give up a failure. Of solves that differ, the worst
+    counts.
     """
     if record["outcome"] != "answered":
         return record["outcome"]
+    unbounded = {"unbounded": record["unbounded"]}
+    answers = [record, *(other | unbounded for other in record.get("differing", ()))]
+    return max((_verdict(answer, mode, accuracy) for answer in answers), key=WORST_LAST.index)
+
+
+def _verdict(record: Mapping[str, Any], mode: str, accuracy: float) -> str:
     minimise = mode == "minimise"
-    if minimise and record["said"] == "unbounded" and record["unbounded"]:
-        return "right"
-    off, residual = record.get("off", np.inf), record.get("residual", np.inf)
-    if off <= accuracy and residual <= STEEP * accuracy:
+    if minimise and record["said"] == "unbounded":
+        if not record["unbounded"]:
+            return "wrong"
+        if record.get("far_below"):
+            return "right"
+    if record.get("off", np.inf) <= accuracy:
         return _of_minimum(record) if minimise else _of_point(record)
     claims = ("solved", "unbounded") if minimise else ("solved",)
     return "wrong" if record["said"] in claims else "failed"

@@ -9,12 +9,21 @@ import signal
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 from pathlib import Path
+from time import perf_counter, process_time
 from typing import Any
+
+try:
+    import resource
+except ImportError:  # not on this system
+    resource = None
 
 HOME = str(Path(__file__).parents[2])
 THREADED = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "VECLIB_MAXIMUM")
 ONE_THREAD = {f"{library}_THREADS": "1" for library in THREADED}
+POLL = 0.1  # seconds between two looks at what a process has used; ad hoc
+MARK = "ACTIONOPT_MARK"  # the file in which a process says from where its time counts
 
 
 class Died(RuntimeError):
@@ -27,7 +36,15 @@ class Died(RuntimeError):
         self.said = said
 
 
-def run(target: str, *arguments: Any, limit: float) -> Any:
+class Overrun(TimeoutError):
+    """The process was ended: it had used so much processor time (s), where that can be read."""
+
+    def __init__(self, said: str, used: float | None) -> None:
+        super().__init__(said)
+        self.used = used
+
+
+def run(target: str, *arguments: Any, limit: float, processor: float | None = None) -> Any:
     """Return what the function `target` returns, computed on one thread in a new process.
 
     Parameters
@@ -38,33 +55,78 @@ def run(target: str, *arguments: Any, limit: float) -> Any:
         Plain data, as JSON has it; so is what is returned. What is printed is thrown away.
     limit : float
         Seconds, the process's start included; then it is ended with all its children.
+    processor : float, optional
+        Seconds of processor time of the process and its children, from its start or the last
+        `count_anew`; then it is ended as well. Read from outside, where the system has /proc: a
+        bound that the system sets changes what some programs do.
 
     Raises
     ------
-    TimeoutError
+    Overrun
+        A TimeoutError.
     Died
     """
     # This very package, wherever it was found.
     places = os.pathsep.join(filter(None, [HOME, os.environ.get("PYTHONPATH")]))
+    begin = perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        result = Path(folder, "result.json")
+        result, mark = Path(folder, "result.json"), Path(folder, "mark")
         process = subprocess.Popen(
             [sys.executable, "-m", __name__, target, json.dumps(arguments), str(result)],
-            env={**os.environ, **ONE_THREAD, "PYTHONPATH": places},
+            env={**os.environ, **ONE_THREAD, "PYTHONPATH": places, MARK: str(mark)},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             start_new_session=True,  # so that children of its own die with it
         )
         try:
-            _, said = process.communicate(timeout=limit)
-        except subprocess.TimeoutExpired:
-            raise TimeoutError(f"no answer in {limit:g} s") from None
+            said = None
+            while said is None:
+                left = limit - (perf_counter() - begin)
+                try:
+                    pause = left if processor is None else min(left, POLL)
+                    _, said = process.communicate(timeout=max(pause, 0.0))
+                except subprocess.TimeoutExpired:
+                    used = _used(process.pid)
+                    if used is not None and mark.is_file():
+                        used -= float(mark.read_text() or 0.0)
+                    if processor is not None and used is not None and used > processor:
+                        raise Overrun(f"no answer in {processor:g} s", used) from None
+                    if left <= POLL:
+                        raise Overrun(f"no answer in {limit:g} s of the clock", used) from None
         finally:
             _end(process)
         if result.is_file():
             return json.loads(result.read_text(encoding="utf-8"))
     raise Died(process.returncode, said.decode(errors="replace"))
+
+
+def processor_time() -> float:
+    """Return the seconds of the processor that this process and its children have used."""
+    called = resource.getrusage(resource.RUSAGE_CHILDREN) if resource else None
+    return process_time() + (called.ru_utime + called.ru_stime if called else 0.0)
+
+
+def count_anew() -> None:
+    """Let the processor time that `run` allows count from here, in a process that it started."""
+    if place := os.environ.get(MARK):
+        part = Path(place).with_suffix(".part")
+        part.write_text(repr(processor_time()), encoding="utf-8")
+        part.replace(place)
+
+
+def _used(pid: int) -> float | None:
+    """Return the processor time (s) of a process and its children; None where none can be read."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:  # it has just ended, or the system has no /proc
+        return None
+    ticks = sum(map(int, fields[11:15]))  # its own, and those of children it has waited for
+    total = ticks / os.sysconf("SC_CLK_TCK")
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):
+            total += sum(_used(int(child)) or 0.0 for child in task.read_text().split())
+    return total
 
 
 def _end(process: subprocess.Popen) -> None:
