@@ -68,6 +68,30 @@ def test_parts_give_what_the_whole_gives(monkeypatch):
     same_bits(once, repeated, because="each time is evaluated by itself")
 
 
+def test_very_many_times_give_what_few_give():
+    q, v, t = states(compiled.AT_ONCE // 4)
+    arguments = [q.T, v.T, t[:, None]], np.array([[2.0]])
+    few = slice(-1000, None)
+    for name in ("value", "slopes", "first", "second"):
+        function = new().pointwise(name)
+        many = function(*arguments[0], arguments[1])
+        assert not function._memory.ready  # not CasADi's
+        alone = function(*(x[few] for x in arguments[0]), arguments[1])
+        for part, whole in zip(alone, many, strict=True):
+            np.testing.assert_allclose(whole[few], part, rtol=1e-13, atol=1e-13)
+
+
+def test_what_numpy_does_not_know_is_left_to_casadi(monkeypatch):
+    def unknown(function):
+        raise ValueError
+
+    monkeypatch.setattr(compiled, "Columns", unknown)
+    q, v, t = states(compiled.AT_ONCE // 4)
+    function = new().pointwise("value")
+    assert function(q.T, v.T, t[:, None], np.array([[2.0]]))[0].shape == (len(t), 1)
+    assert function._memory.ready
+
+
 def test_a_copy_has_memory_of_its_own():
     function, (q, v, t) = new().pointwise("first"), states(5)
     arguments = q.T, v.T, t[:, None], np.array([[2.0]])

@@ -496,9 +496,11 @@ class Action:
 
     def value(self, Q: Array) -> float:
         """Return S over all nodes, coordinates Q (K, n), in the user's units."""
-        at, v = self.state_of(Q)
+        return self._sum(*self.state_of(Q)) + (self._beyond(Q) if self.nodal else 0.0)
+
+    def _sum(self, at: Array, v: Array) -> float:
         L = self.problem.system.pointwise("value")(at, v, self.times, self.problem.packed)[0]
-        return float(self.weight[:, 0] @ L[:, 0]) + (self._beyond(Q) if self.nodal else 0.0)
+        return float(self.weight[:, 0] @ L[:, 0])
 
     def first(self, x: Array) -> list[Array]:
         """Return L_q, L_v and L at the evaluations, kept for the gradient at the same x."""
@@ -513,20 +515,26 @@ class Action:
         self, at: Array, v: Array, known: list[Array] | None = None
     ) -> tuple[float, Array, Array]:
         """Return S, gradient (K n) and its parts (evaluations, n) for q and v (evaluations, n)."""
-        system, layout, p = self.problem.system, self.layout, self.problem.packed
         if known is None:
-            known = system.pointwise("first")(at, v, self.times, p)
+            state = at, v, self.times, self.problem.packed
+            known = self.problem.system.pointwise("first")(*state)
             self.counts["first"] += 1
         Lq, Lv, L = known
-        if self.order > 1:
-            return self._of_higher_order(at, v, Lq, Lv, L)
-        contribution = self.weight * Lq
+        return float(self.weight[:, 0] @ L[:, 0]), *self._slope(at, v, Lq, Lv)
+
+    def _slope(self, at: Array, v: Array, Lq: Array, Lv: Array) -> tuple[Array, Array]:
+        """Return the gradient (K n) and its parts (evaluations, n), of L_q and L_v there."""
+        system, layout = self.problem.system, self.layout
+        parts = self.weight * Lq if self.order == 1 else Lq
         if system.structure.forced:
-            contribution += self.weight * system.pointwise("force")(at, v, self.times, p)[0]
+            force = system.pointwise("force")(at, v, self.times, self.problem.packed)[0]
             self.counts["force"] += 1
-        self.add_work(contribution, Lv)
-        gradient = np.bincount(layout.scatter, contribution.ravel(), layout.node_count * system.n)
-        return float(self.weight[:, 0] @ L[:, 0]), gradient, contribution
+            if self.order == 1:
+                parts += self.weight * force
+            else:
+                parts = Lq + np.pad(force, ((0, 0), (0, layout.width - system.n)))
+        parts = self.add_work(parts, Lv) if self.order == 1 else self.pull_back(parts, Lv)
+        return np.bincount(layout.scatter, parts.ravel(), layout.node_count * layout.width), parts
 
     def add_work(self, found: Array, p: Array) -> Array:
         """Add D' w p, what momenta p work at the nodes of their elements; both (evaluations, n)."""
@@ -547,23 +555,25 @@ class Action:
         whole = np.bincount(layout.scatter, parts.ravel(), layout.node_count * layout.width)
         return self.free_part(whole)
 
-    def _of_higher_order(
-        self, at: Array, v: Array, Lq: Array, Lv: Array, L: Array
-    ) -> tuple[float, Array, Array]:
-        """Return what `_action_and_gradient` does."""
-        system, layout, S = self.problem.system, self.layout, float(self.weight[:, 0] @ L[:, 0])
-        if system.structure.forced:
-            Q = system.pointwise("force")(at, v, self.times, self.problem.packed)[0]
-            Lq = Lq + np.pad(Q, ((0, 0), (0, layout.width - system.n)))
-            self.counts["force"] += 1
-        parts = self.pull_back(Lq, Lv)
-        gradient = np.bincount(layout.scatter, parts.ravel(), layout.node_count * layout.width)
-        return S, gradient, parts
-
     def action(self, x: Array) -> float:
         """Return S in its own unit."""
         S = self._first(x)[0]
         return (S + self._beyond(self.place(x).Q) if self.nodal else S) / self.action_unit
+
+    def action_alone(self, x: Array) -> float:
+        """Return the same without its derivatives, which `action` takes with it for `gradient`."""
+        point = self.place(x)
+        S = self._sum(point.at, point.v) if point.values is None else point.values[0]
+        return (S + self._beyond(point.Q) if self.nodal else S) / self.action_unit
+
+    def gradient_alone(self, x: Array) -> Array:
+        """Return what `gradient` does, without the value that it takes with it for `action`."""
+        point = self.place(x)
+        if point.values is not None or self.nodal:
+            return self.gradient(x)
+        state = point.at, point.v, self.times, self.problem.packed
+        slopes = self.problem.system.pointwise("slopes")(*state)
+        return self.free_part(self._slope(point.at, point.v, *slopes)[0])
 
     def gradient(self, x: Array) -> Array:
         """Return dS/dx (virtual work included), (unknowns,), in units of action."""

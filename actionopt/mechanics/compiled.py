@@ -8,6 +8,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.columns import TIMES_PER_CALL, Columns
 from actionopt.tools.types import Array
 
 # Ad hoc, as sizes of memory: what fits a processor's cache, and what nobody misses.
@@ -125,6 +126,17 @@ class Pointwise:
         return inputs, outputs, max(AT_ONCE // numbers, 1), numbers
 
     @cached_property
+    def _columns(self) -> Columns | None:
+        """What takes a third of CasADi's time at very many times; None where it is no use."""
+        f = self.function
+        if not f.is_a("SXFunction") or f.sz_w() * TIMES_PER_CALL > KEPT:
+            return None
+        try:
+            return Columns(f)
+        except ValueError:  # an instruction that numpy does not know
+            return None
+
+    @cached_property
     def _part(self) -> tuple[ca.Function, int]:
         """The operations of some times written out, and of how many."""
         f = self.function
@@ -135,6 +147,8 @@ class Pointwise:
 
     def _in_parts(self, count: int, arguments: tuple[Array, ...]) -> list[Array]:
         """Evaluate at more times than memory is kept for, or at none, in memory for this once."""
+        if count >= TIMES_PER_CALL and self._columns is not None:
+            return [y[:, :, 0] for y in self._columns(count, 1, [x[..., None] for x in arguments])]
         _, widths, part, _ = self._sizes
         outputs = [np.empty((count, width)) for width in widths]
         for first in range(0, count, part):

@@ -283,6 +283,10 @@ class Laws:
         d = self.derivatives
         return self._arguments, [_dense(d.Lq), _dense(d.Lv), self.L]
 
+    def _build_slopes(self):
+        d = self.derivatives
+        return self._arguments, [_dense(d.Lq), _dense(d.Lv)]
+
     def _build_rate(self):
         return self._arguments, [_dense(ca.jacobian(self.L, self.symbols.t))]
 

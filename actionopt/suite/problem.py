@@ -110,6 +110,11 @@ class TestProblem(Program):
         rows = r and not limits.coordinates  # else they are bounds
         tr = Transcription(Held(asked) if rows else asked, mesh, asked.scales)
         super().__init__(tr, float(decades), limits)
+        if not self.n:
+            raise ValueError(
+                f"expected a mesh with nodes between the ends, found {elements} element of degree "
+                f"{degree}, which leaves no unknowns; use more elements or a higher degree"
+            )
 
     def __repr__(self) -> str:
         """Show the name, the class and the size."""
@@ -391,7 +396,7 @@ class TestProblem(Program):
         """
         tr = self.transcription
         with np.errstate(all="ignore"):
-            f = np.array([tr.action(self._scale(x)) for x in visited]) * tr.action_unit
+            f = np.array([tr.action_alone(self._scale(x)) for x in visited]) * tr.action_unit
             v = np.array([self.violation(x) for x in visited])
         usable = np.isfinite(f) & np.isfinite(v)
         end = np.min(f[usable], initial=np.inf)

@@ -195,7 +195,7 @@ class Program:
         """Return f(x), the discrete action."""
         self.counts["f"] += 1
         self.note(x)
-        return self.transcription.action(self._scale(x)) * self.transcription.action_unit
+        return self.transcription.action_alone(self._scale(x)) * self.transcription.action_unit
 
     def note(self, x: Array) -> None:
         """Keep x among the points visited, if they are kept."""
@@ -205,7 +205,7 @@ class Program:
     def gradient(self, x: Array) -> Array:
         """Return grad f(x), (n,)."""
         self.counts["grad"] += 1
-        return self.transcription.gradient(self._scale(x)) * (
+        return self.transcription.gradient_alone(self._scale(x)) * (
             self.transcription.action_unit / self.unit
         )
 
