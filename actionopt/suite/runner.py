@@ -162,8 +162,11 @@ def attempt(cell: Cell, limits: Limits) -> dict[str, Any]:
     except process.Overrun as error:
         # Who sleeps has used less than is allowed, and is not out of time.
         short = error.used is not None and error.used < limits.seconds
-        outcome = {"outcome": "failed" if short else "limit", "word": str(error)}
-        outcome["processor"] = error.used
+        outcome = {
+            "outcome": "failed" if short else "limit",
+            "word": str(error),
+            "processor": error.used,
+        }
     except process.Died as error:
         outcome = {"outcome": "failed", "word": str(error)[:300]}
         if "MemoryError" in error.said or "bad_alloc" in error.said:
