@@ -63,7 +63,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = NO_P
         again = follow(part, found.z, linear=True, steps=1)
         Q, lam = part.unpack(again.z)
         z = tr.pack(Q, np.nan_to_num(lam))
-        new = _revised(tr, on, z)
+        new = _next_set(tr, on, z)
         if (new == on).all():
             break
         on = new
@@ -158,11 +158,11 @@ def step(tr: Transcription, x: Array) -> Array:
         except np.linalg.LinAlgError:
             break
         found, (_, lam) = whole[: x.size], part.unpack(z + whole)
-        on = _revised(tr, on, tr.pack(tr.coordinates(x + found), np.nan_to_num(lam)))
+        on = _next_set(tr, on, tr.pack(tr.coordinates(x + found), np.nan_to_num(lam)))
     return found
 
 
-def _revised(tr: Transcription, on: NDArray[np.bool_], z: Array) -> NDArray[np.bool_]:
+def _next_set(tr: Transcription, on: NDArray[np.bool_], z: Array) -> NDArray[np.bool_]:
     """Return the rows in force after those `on`: without those that pull, with those violated."""
     asked, layout, cut = tr.problem, tr.layout, tr.layout.unknowns
     assert isinstance(asked, Held)

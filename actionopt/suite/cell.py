@@ -88,17 +88,21 @@ def with_verdict(
         "f_start": problem.objective(x0),
     }
 
-    def judged(answer: dict[str, Any]) -> dict[str, Any]:
+    def with_evidence(answer: dict[str, Any]) -> dict[str, Any]:
         x = np.array(answer.pop("x", []))
         evidence = examine(problem, x, x0)
         point = (x / problem.unit).tolist() if evidence.at == "new" else None
-        return _said(answer | asdict(evidence) | {"point": point})
+        return _without_none(answer | asdict(evidence) | {"point": point})
 
-    differing = [judged(dict(answer)) for answer in found.pop("differing", ())]
-    return _said(about | known) | judged(dict(found)) | _said({"differing": differing or None})
+    differing = [with_evidence(dict(answer)) for answer in found.pop("differing", ())]
+    return (
+        _without_none(about | known)
+        | with_evidence(dict(found))
+        | _without_none({"differing": differing or None})
+    )
 
 
-def _said(entries: dict[str, Any]) -> dict[str, Any]:
+def _without_none(entries: dict[str, Any]) -> dict[str, Any]:
     """Return the entries that say something."""
     return {k: v for k, v in entries.items() if v is not None}
 

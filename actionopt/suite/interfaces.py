@@ -49,7 +49,7 @@ def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
         given["hessp"] = lambda x, p: problem.hessian_product(x, None, p)
     elif method in DENSE:
         given["hess"] = lambda x: hessian(problem, x).toarray()
-    if problem.bounded:
+    if problem.has_bounds:
         if method not in BOUNDED:
             raise ValueError(f"expected a method that takes bounds, found {method!r}")
         given["bounds"] = np.stack(problem.bounds, axis=1)
@@ -122,7 +122,7 @@ def nlopt_problem(problem: Program, algorithm: str):
 
     optimizer = nlopt.opt(code, problem.n)
     optimizer.set_min_objective(objective)
-    if problem.bounded:
+    if problem.has_bounds:
         lower, upper = problem.bounds
         optimizer.set_lower_bounds(lower)
         optimizer.set_upper_bounds(upper)

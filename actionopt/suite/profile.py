@@ -3,7 +3,7 @@
 The *performance profile* of a solver is the fraction of problems it solves within tau times the
 cost of the best solver for each: E. D. Dolan and J. J. More, Mathematical Programming 91 (2002),
 201-213, eq. (2.1). Solved is what the verdict calls right. Where the best takes less than
-`SHORTEST` seconds, the clock measures calls of functions and not solvers: those problems are left
+`LEAST_TIMED` seconds, the clock measures calls of functions and not solvers: those problems are left
 out of profiles of time.
 
 The *data profile* is the fraction of problems for which alpha (n + 1) evaluations of f are enough
@@ -29,7 +29,7 @@ from actionopt.suite.verdict import UNSCORED, verdict
 from actionopt.tools.types import Array
 
 TAUS = (1e-3, 1e-6)
-SHORTEST = 0.01  # seconds; ad hoc
+LEAST_TIMED = 0.01  # seconds; ad hoc
 
 Record = Mapping[str, Any]
 Records = Sequence[Record]
@@ -59,7 +59,7 @@ def costs(records: Records, measure: str, mode: str, accuracy: float) -> dict[st
     table = _table(records, lambda r: _cost(r, measure, mode, accuracy))
     if measure != "seconds" or not table:
         return table
-    long = np.fmin.reduce(list(table.values())) >= SHORTEST
+    long = np.fmin.reduce(list(table.values())) >= LEAST_TIMED
     return {solver: row[long] for solver, row in table.items()}
 
 

@@ -160,7 +160,7 @@ class Program:
         return lower * weight, upper * weight
 
     @property
-    def bounded(self) -> bool:
+    def has_bounds(self) -> bool:
         """Whether x has bounds."""
         return bool(self.limits.coordinates)
 
@@ -168,7 +168,7 @@ class Program:
     def inequalities(self) -> bool:
         """Whether anything may hold strictly: a bound of x, or a row that is no equation."""
         lower, upper = self.constraint_bounds
-        return self.bounded or bool(np.any(lower < upper))
+        return self.has_bounds or bool(np.any(lower < upper))
 
     @property
     def linear_rows(self) -> NDArray[np.bool_]:
@@ -272,10 +272,10 @@ class Program:
 
 
 GIVEN = (
-    "n m classification bounded inequalities bounds constraint_bounds linear_rows nnz_jacobian "
+    "n m classification has_bounds inequalities bounds constraint_bounds linear_rows nnz_jacobian "
     "nnz_hessian jacobian_structure hessian_structure"
 ).split()
-FUNCTIONS = "objective gradient constraints jacobian hessian hessian_product".split()
+GIVEN_FUNCTIONS = "objective gradient constraints jacobian hessian hessian_product".split()
 
 
 class Given:
@@ -287,7 +287,7 @@ class Given:
     def __init__(self, program: Program) -> None:
         for name in GIVEN:
             setattr(self, name, copy.deepcopy(getattr(program, name)))
-        for name in FUNCTIONS:
+        for name in GIVEN_FUNCTIONS:
             setattr(self, name, _alone(getattr(program, name)))
 
 

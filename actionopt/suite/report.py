@@ -119,7 +119,7 @@ def write(records: Records, directory: str | Path) -> Path:
         bounded=max(len(row) for row in next(iter(tables.values())).values()) if ran else 0,
         data="\n".join(data),
         repeats=_span(records, "repeats"),
-        shortest=profile.SHORTEST,
+        shortest=profile.LEAST_TIMED,
         evaluations=_evaluations(ran),
         versions=_versions(records),
         matrices="\n".join(
@@ -177,7 +177,7 @@ def _section(mode: str, records: Records, folder: Path) -> str:
         tight=tight,
         verdicts=_verdicts(records, mode),
         classes=_classes(records, mode),
-        shortest=profile.SHORTEST,
+        shortest=profile.LEAST_TIMED,
         figures="\n".join(images),
     )
 
@@ -275,7 +275,7 @@ def _evaluations(records: Records) -> str:
         if mine:
             counts = (median(r["evaluations"].get(name, 0) for r in mine) for name in COUNTED)
             shown = [f"{c:.0f}" for c in counts] if is_counted(solver) else [""] * len(COUNTED)
-            bare = [r.get("times", ())[1:] for r in mine if r["seconds"] >= profile.SHORTEST]
+            bare = [r.get("times", ())[1:] for r in mine if r["seconds"] >= profile.LEAST_TIMED]
             spread = [max(times) / min(times) for times in bare if len(times) > 1]
             seconds = f"{median(r['seconds'] for r in mine):.2g}"
             cells = [*shown, seconds, f"{median(spread):.2f}" if spread else ""]

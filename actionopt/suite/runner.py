@@ -35,8 +35,8 @@ ROUNDED_COLUMNS = (
     *("distance", "residual", "violation", "off"),
     *("seconds", "times", "wall", "processor", "load"),
 )
-PATIENCE = 10.0  # seconds of the clock for one of the processor, on a machine with much to do
-START = 1.0  # second of the processor that a process takes to start; ad hoc
+CLOCK_FACTOR = 10.0  # seconds of the clock for one of the processor, on a machine with much to do
+STARTUP = 1.0  # second of the processor that a process takes to start; ad hoc
 ONE_AT_A_TIME = Lock()
 KEY = ("solver", "problem", "elements", "degree", "start", "parameters", "repeats")
 CONTENT = ("content", "numbers", "package", "machine")  # what makes answers differ beside these
@@ -46,7 +46,7 @@ CONTENT = ("content", "numbers", "package", "machine")  # what makes answers dif
 class Limits:
     """Processor time (s) of one solve, and memory (GiB) of its process.
 
-    The clock may run `PATIENCE` times as long for a process that uses less, and all its solves.
+    The clock may run `CLOCK_FACTOR` times as long for a process that uses less, and all its solves.
     """
 
     seconds: float = 5.0
@@ -151,7 +151,7 @@ def run_one(cell: Cell, about: Mapping[str, Any], limits: Limits) -> dict[str, A
 
 def attempt(cell: Cell, limits: Limits) -> dict[str, Any]:
     """Run one cell in a process of its own; return what came of it, the answer not judged."""
-    clock, wall = perf_counter(), PATIENCE * (START + limits.seconds)
+    clock, wall = perf_counter(), CLOCK_FACTOR * (STARTUP + limits.seconds)
     try:
         outcome = process.run(
             "actionopt.suite.cell:run_within",

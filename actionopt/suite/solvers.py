@@ -282,17 +282,18 @@ def _repeat(prepare: Prepare, problem: Program, x0: Array, repeats: int) -> Solv
     for _ in range(min(repeats, 2 if taken >= LONG_SOLVE else repeats) - 1):
         found, taken = _time(prepare(problem.view(), x0), x0)
         times.append(taken)
-        if found[2] != first[2] or not np.array_equal(found[0], first[0], equal_nan=True):
+        if found[2] != first[2] or found[0].tobytes() != first[0].tobytes():
             differing.append(found)
     x, lam, said, word = first
-    return SolverResult(np.asarray(x), said, word, tuple(times), program, lam, tuple(differing))
+    return SolverResult(x, said, word, tuple(times), program, lam, tuple(differing))
 
 
 def _time(solve: Callable[[Array], Outcome], x0: Array) -> tuple[Outcome, float]:
     count_anew()  # what may be used is that of one solve
     clock = processor_time()
-    found = solve(x0.copy())
-    return found, processor_time() - clock
+    x, lam, said, word = solve(x0.copy())
+    taken = processor_time() - clock
+    return (np.asarray(x, dtype=float), lam, said, word), taken
 
 
 class Counted(ca.Callback):
@@ -358,7 +359,7 @@ def _plugin(plugin: str, qp: str) -> Prepare:
 
         bounds: dict[str, Any] = {}
         bounds |= zip(("lbg", "ubg"), program.constraint_bounds, strict=True)
-        if program.bounded:
+        if program.has_bounds:
             bounds |= zip(("lbx", "ubx"), program.bounds, strict=True)
 
         def solve(x0: Array, _alive: Any = counted) -> Outcome:  # CasADi keeps no reference

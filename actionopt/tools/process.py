@@ -87,7 +87,7 @@ def run(target: str, *arguments: Any, limit: float, processor: float | None = No
                     pause = left if processor is None else min(left, POLL)
                     _, said = process.communicate(timeout=max(pause, 0.0))
                 except subprocess.TimeoutExpired:
-                    used = _used(process.pid)
+                    used = _processor_time_of(process.pid)
                     if used is not None and mark.is_file():
                         used -= float(mark.read_text() or 0.0)
                     if processor is not None and used is not None and used > processor:
@@ -115,7 +115,7 @@ def count_anew() -> None:
         part.replace(place)
 
 
-def _used(pid: int) -> float | None:
+def _processor_time_of(pid: int) -> float | None:
     """Return the processor time (s) of a process and its children; None where none can be read."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
@@ -125,7 +125,9 @@ def _used(pid: int) -> float | None:
     total = ticks / os.sysconf("SC_CLK_TCK")
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
         with suppress(OSError):
-            total += sum(_used(int(child)) or 0.0 for child in task.read_text().split())
+            total += sum(
+                _processor_time_of(int(child)) or 0.0 for child in task.read_text().split()
+            )
     return total
 
 
