@@ -49,7 +49,9 @@ def interface(folder: Path) -> None:
         (folder / f"{name}.rst").write_text("\n".join([*lines, ""]))
         pages.append(name)
     listed = "\n".join(f"   {name}" for name in pages)
-    title = "Interface\n=========\n\nEvery public name, with shapes, what is raised, and sources.\n"
+    title = (
+        "Interface\n=========\n\nEvery public name: shapes, what is raised, sources, an example.\n"
+    )
     (folder / "interface.rst").write_text(f"{title}\n.. toctree::\n   :maxdepth: 2\n\n{listed}\n")
 
 

@@ -4,6 +4,7 @@ Nothing is fetched: formulas are MathML, and the search is a script of the site'
 """
 
 import re
+from pathlib import Path
 
 import latex2mathml.converter
 
@@ -25,6 +26,12 @@ numpydoc_show_class_members = False
 nitpicky = False
 html_math_renderer = "mathml"
 
+NAMES = (Path(__file__).parent / "names.md").read_text(encoding="utf-8")
+EXAMPLES = {  # by the full name of what they show
+    f"{room}.{name}": code.splitlines()
+    for room, part in re.findall(r"\n## (.+)\n((?:.|\n)*?)(?=\n## |\Z)", NAMES)
+    for name, code in re.findall(r"### (\w+)\n\n```python\n((?:.|\n)*?)```", part)
+}
 WORD = r"`+[^`]*`+"  # between backticks nothing is markup
 
 
@@ -36,6 +43,13 @@ def escape(app, what, name, obj, options, lines):
         parts = re.split(f"({WORD})", line)
         parts[::2] = [re.sub(r"([|*])|(?<=\w)(_)(?=\W|$)", r"\\\1\2", part) for part in parts[::2]]
         lines[k] = "".join(parts)
+
+
+def example(app, what, name, obj, options, lines):
+    """Add the example of a public name to its page."""
+    if name in EXAMPLES:
+        lines += ["", ".. rubric:: In use", "", ":doc:`From the page of all names <../names>`:", ""]
+        lines += [".. code-block:: python", "", *("   " + line for line in EXAMPLES[name]), ""]
 
 
 def visit_inline(self, node):
@@ -59,3 +73,4 @@ def setup(app):
     """Add the formulas, and docstrings as the package writes them."""
     app.add_html_math_renderer("mathml", (visit_inline, None), (visit_block, None))
     app.connect("autodoc-process-docstring", escape, priority=100)  # before numpydoc
+    app.connect("autodoc-process-docstring", example, priority=900)  # after it

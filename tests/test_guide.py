@@ -11,11 +11,16 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 
+import actionopt as ao
+from actionopt import gallery, plot, scenes, suite
+
 DOCS = Path(__file__).parent.parent / "docs"
-GUIDE, SUITE, OTHERS = (DOCS / name for name in ("guide.md", "test_problems.md", "others.md"))
+PAGES = "guide.md", "test_problems.md", "others.md", "names.md"
+GUIDE, SUITE, OTHERS, NAMES = (DOCS / name for name in PAGES)
+ROOMS = {room.__name__: room for room in (ao, plot, scenes, suite, gallery)}
 DECIMAL = re.compile(r"-?\d+\.\d+")
 # Values at least: comments that are not taken for values would go unseen.
-STATED = {GUIDE: 50, SUITE: 12, OTHERS: 9}
+STATED = {GUIDE: 50, SUITE: 12, OTHERS: 9, NAMES: 60}
 
 
 def stated(block):
@@ -76,7 +81,7 @@ def run(text, folder):
                 found = eval(code, names)
                 if not agree(found, comment):
                     wrong.append(f"{code} is {found}, not {comment}")
-    pyplot.close("all")
+            pyplot.close("all")
     return names, wrong, count
 
 
@@ -105,6 +110,27 @@ def test_what_the_page_of_other_tools_states_is_found(tmp_path):
     _, wrong, count = run(OTHERS.read_text(), tmp_path)
     assert not wrong, "\n".join(wrong)
     assert count >= STATED[OTHERS]
+
+
+def test_every_public_name_has_an_example_on_the_page_of_names():
+    text = NAMES.read_text()
+    for part in text.split("\n## ")[1:]:
+        name, *pieces = re.split(r"\n+### ", part)
+        room = ROOMS.pop(name)
+        public = {x for x in room.__all__ if callable(getattr(room, x))}
+        assert {piece.split("\n")[0] for piece in pieces} == public, name
+        for piece in pieces:
+            title, code = piece.split("\n\n", 1)
+            assert re.match(r"```python\n(.*\n)+?```", code), title
+    assert not ROOMS
+
+
+@pytest.mark.slow
+def test_what_the_page_of_names_states_is_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(gallery, "build", lambda *_: None)  # a minute; it has tests of its own
+    _, wrong, count = run(NAMES.read_text(), tmp_path)
+    assert not wrong, "\n".join(wrong)
+    assert count >= STATED[NAMES]
 
 
 def test_forced_paths_have_no_index_and_closed_ones_no_conjugate_points(page):
