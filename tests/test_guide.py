@@ -13,14 +13,15 @@ from matplotlib import pyplot
 
 import actionopt as ao
 from actionopt import gallery, plot, scenes, suite
+from actionopt.solver.solve import BY_METHOD
 
 DOCS = Path(__file__).parent.parent / "docs"
-PAGES = "guide.md", "test_problems.md", "others.md", "names.md"
-GUIDE, SUITE, OTHERS, NAMES = (DOCS / name for name in PAGES)
+PAGES = "guide.md", "test_problems.md", "others.md", "names.md", "first_change.md"
+GUIDE, SUITE, OTHERS, NAMES, FIRST = (DOCS / name for name in PAGES)
 ROOMS = {room.__name__: room for room in (ao, plot, scenes, suite, gallery)}
 DECIMAL = re.compile(r"-?\d+\.\d+")
 # Values at least: comments that are not taken for values would go unseen.
-STATED = {GUIDE: 50, SUITE: 12, OTHERS: 9, NAMES: 60}
+STATED = {GUIDE: 50, SUITE: 12, OTHERS: 9, NAMES: 60, FIRST: 5}
 
 
 def stated(block):
@@ -110,6 +111,13 @@ def test_what_the_page_of_other_tools_states_is_found(tmp_path):
     _, wrong, count = run(OTHERS.read_text(), tmp_path)
     assert not wrong, "\n".join(wrong)
     assert count >= STATED[OTHERS]
+
+
+def test_a_first_change_does_what_its_page_says(tmp_path):
+    _, wrong, count = run(FIRST.read_text(), tmp_path)
+    assert not wrong, "\n".join(wrong)
+    assert count >= STATED[FIRST]
+    assert "bent" not in BY_METHOD
 
 
 def test_every_public_name_has_an_example_on_the_page_of_names():
