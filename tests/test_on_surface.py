@@ -143,6 +143,19 @@ def test_a_free_particle_to_a_moving_wall():
     assert given.end.q == pytest.approx([wall + u * 1.5, 0.0], abs=1e-9)
 
 
+@pytest.mark.parametrize("u", [-2.14, -3.0])
+def test_a_wall_that_runs_away_faster_than_motions_of_the_energy(u):
+    """There H - E = u p; in a well, where H is that at the start."""
+    E, q0, wall = 0.5, 0.66, 0.1
+    well = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    events = ao.Event(0.0, [q0]), ao.Event(None, None, on=lambda q, t: q[0] - wall - u * t)
+    found = ao.solve(ao.Problem(well, *events, energy=E), tol=1e-9)
+    v0, T = found.start.v[0], found.duration
+    q, v = q0 * np.cos(T) + v0 * np.sin(T), v0 * np.cos(T) - q0 * np.sin(T)
+    assert q == pytest.approx(wall + u * T, abs=1e-7)
+    assert (v0**2 + q0**2) / 2 - E == pytest.approx(u * v, abs=1e-7)
+
+
 def test_the_action_changes_with_the_time_at_which_a_moving_wall_is_left():
     """S = (X - w - u t0)^2 / (2 (T - t0)) from a wall at w + u t."""
     w, u, t0, X, T = 1.0, 0.4, 0.5, 9.0, 3.0

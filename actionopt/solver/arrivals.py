@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from actionopt.analysis.shooting import (
     arrive,
@@ -45,7 +46,8 @@ THROWN = 72  # motions that set out
 # suggest. Measured on 14 random systems of 2 and 3 coordinates, at one speed: 1 leads to paths of 5
 # of them, 3 of 11, 5 of 13, 8 of 14.
 SLOWER, FASTER = 1.0, 8.0
-# Speeds of motions to a surface that moves, whose energy is not that which is given.
+# Speeds of motions whose energy is not that which is given, in u + sqrt(u^2 + v^2): v is that of
+# the energy, and a free body meets a surface that moves with u as it should if its speed is this.
 SLOWEST, FASTEST = 0.2, 2.0
 
 
@@ -177,7 +179,8 @@ def _passing(
             continue
         if not conserved:
             fastest = np.sqrt(np.abs(left)) if not left[0] > 0 else rate
-            rate = fastest * rng.uniform(SLOWEST, FASTEST, len(q0))
+            rate = meeting_speed(problem, line[[0, -1]], size, t, fastest)
+            rate = rate * rng.uniform(SLOWEST, FASTEST, len(q0))
         known = along(fixed, line, t)
         last = 0.0 if known is None else float(known[0][-1])
         longest = max(longest, last, returning(fixed, line[0], t))
@@ -195,6 +198,21 @@ def _passing(
         yield from (path for _, path in passed[:PASSAGES])
         if span == TURNED_BACK and not near:
             return
+
+
+def meeting_speed(problem: Problem, q: Array, size: Array, t: float, speed: ArrayLike) -> Array:
+    """Return u + sqrt(u^2 + v^2) for a `speed` v and that of surfaces, u, in sizes over time.
+
+    So fast a free body of the energy v^2 / 2 meets a surface that runs away from it, p along its
+    normal and H - E its speed times that. `q` (2, n) are points near the surfaces of both events.
+    """
+    moving = 0.0
+    for event, at in zip((problem.start, problem.end), q, strict=True):
+        if event.on is not None:
+            _, by_q, by_t = event.on.along(at[None], np.full(1, t), problem.packed)
+            slope = np.linalg.norm(by_q[0] * size, axis=1)
+            moving += max((abs(by_t[0]) / slope)[slope > 0].tolist(), default=0.0)
+    return moving + np.hypot(moving, speed)
 
 
 def passages(

@@ -16,7 +16,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem, diagonal
-from actionopt.solver.arrivals import arrivals
+from actionopt.solver.arrivals import arrivals, meeting_speed
 from actionopt.solver.between import on_the_way
 from actionopt.solver.durations import along
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
@@ -170,6 +170,9 @@ def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
                 q[k] = q[1 - k]
             if times[k] is None and again:
                 T = _lasting(problem, q[0] + np.linspace(0, 1, 11)[:, None] * (q[1] - q[0]), t)
+                way = float(np.linalg.norm((q[1] - q[0]) / size))
+                if timed and way > 0:  # a surface may run away faster than motions of the energy
+                    T = way / float(meeting_speed(problem, q, size, t, way / T))
             at = t + (T if k else -T) if times[k] is None else times[k]
             found = onto(problem, event, q[k], at, size)
             if found is None:
