@@ -32,6 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else list(arguments)
     parser = _parser(given[:1])
     options, rest = parser.parse_known_args(given)
+    if "asked" in options and not any(text.startswith("-") for text in rest):
+        options.asked, rest = [*options.asked, *rest], []  # argparse takes none behind an option
     if rest:
         bare = [text for text in rest if "=" in text and not text.startswith("-")]
         hint = f"; write --set before each setting: --set {' --set '.join(bare)}" if bare else ""

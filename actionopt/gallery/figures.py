@@ -271,11 +271,13 @@ def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
         foci=s.foci, index=index,
     )  # fmt: skip
     least = "The lowest eigenvalue is {last} at the full duration, and so all are above zero."
+    pass_ = "One eigenvalue has passed zero by the full duration, down to {last}: one way down."
     saddle = (
         "{index} of the eigenvalues have passed zero by the full duration, the lowest down to "
         "{last}: as many independent ways down."
     )
-    return alt, say(saddle if index else least, index=index, last=number(last, 3))
+    words = (least, pass_, saddle)[min(index, 2)]
+    return alt, say(words, index=index, last=number(last, 3))
 
 
 @_kind("The motion, as a strobe would show it", IN_MOTION)

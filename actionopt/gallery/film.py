@@ -20,6 +20,7 @@ from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
 from actionopt.tools.words import say, together
 
+FEWEST_OF_A_FILM = 10  # of a film
 FILM_WIDTH = 1.5  # of the height, for one coordinate against time
 GHOSTS = 6  # times in the small picture
 FILM_GAP = 0.3  # between films on one clock
@@ -134,9 +135,13 @@ def _thin(values: Array) -> list[float]:
 def relaxing(subject: Subject) -> str:
     """Return the player of a wild path that goes downhill in action, step by step.
 
-    Raises ValueError as `relaxation_data` does.
+    Nothing where the way is short, comes to no end, or leaves what the scene's law is for. Raises
+    ValueError as `relaxation_data` does.
     """
     found, solution = relaxation_data(subject.solution), subject.solution
+    below = subject.solution.morse_index > 0 and found.action[-1] < found.target_action
+    if len(found.action) <= FEWEST_OF_A_FILM or not (found.arrived or below):
+        return ""
     every = slice(None, None, 4)
     t, paths = found.t[every], [q[:, every] for q in (found.target, *found.paths)]
     if solution.problem.system.n == 1:  # against time, in a picture of a fixed shape
@@ -171,10 +176,6 @@ def relaxing(subject: Subject) -> str:
         "Film: a wild path between the events of {title} goes downhill in action, from {first} J s "
         "to {last} J s in {steps} steps, and runs away from the motion, dashed."
     )
-    short = (
-        "Film: a wild path between the events of {title} goes downhill in action, from {first} J s "
-        "to {last} J s in {steps} steps, and has not reached the motion, dashed."
-    )
     there = (
         "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
         "reaches the motion (dashed), whose action is {action} J s."
@@ -183,14 +184,7 @@ def relaxing(subject: Subject) -> str:
         "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
         "runs away from the motion (dashed), whose action is {action} J s."
     )
-    not_yet = (
-        "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
-        "has not yet reached the motion (dashed), whose action is {action} J s."
-    )
-    below = found.action[-1] < found.target_action
-    film, words = (
-        (reaches, there) if found.arrived else (leaves, away) if below else (short, not_yet)
-    )
+    film, words = (reaches, there) if found.arrived else (leaves, away)
     return player(data, say(film, **values), say(words, **values))
 
 

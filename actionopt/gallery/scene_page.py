@@ -433,7 +433,8 @@ def _relaxing(s: Subject) -> str:
     """Return the film of a relaxation, where one plane shows it and there is one."""
     with suppress(ValueError):
         if s.plane:
-            return f"<div><h3>{say('Downhill in action')}</h3>{film.relaxing(s)}</div>"
+            made = film.relaxing(s)
+            return f"<div><h3>{say('Downhill in action')}</h3>{made}</div>" if made else ""
     return ""
 
 

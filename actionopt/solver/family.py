@@ -76,7 +76,7 @@ def _describe(ws: Workspace, found: Inertia, error: float) -> str:
     problem, count = ws.problem, found.nullity
     if not problem.closes:
         where = "to the surface" if problem.on_surface else "between the ends"
-        return f"the paths {where} are a family of dimension {count}"
+        return f"to second order, the paths {where} are a family of dimension {count}"
     where = "that begin there"
     if not problem.start.pinned:
         where, count = "besides where each begins", count - 1

@@ -143,7 +143,9 @@ def attempts(
         if why:
             solution = replace(solution, status=Status.NOT_FOUND, error=np.inf)
         elif solution.success and (dimension := _family(run, solution)):
-            why = f"the paths between the ends are a family of dimension {dimension}"
+            why = (
+                f"to second order, the paths between the ends are a family of dimension {dimension}"
+            )
             solution = replace(solution, status=Status.DEGENERATE)
         yield solution, why or run.hint
         if status is Status.OUT_OF_TIME:

@@ -178,7 +178,7 @@ LOCAL = Lesson(
         "path could be checked piece by piece?",
     ),
     attempt=(
-        "Open a scene's page, drag one handle of the live path, and look at the missing force: "
+        "Open a scene's page, press Solve, drag one handle, and look at the missing force: "
         "where is it not zero? Only near the handle that you moved.",
     ),
     explain=(
@@ -355,7 +355,8 @@ LIGHT = Lesson(
         "of "
         "mass as low as it can.",
         "In all of these the thing that runs need not be time, and the number need not be least. A "
-        "ray that is reflected in a hollow mirror can be the slowest of its neighbours.",
+        "ray in a hollow mirror can be the slowest of those with one reflection. Among all ways it "
+        "is a saddle: a detour makes it slower still.",
     ),
     trap="Fermat's principle too says stationary: light does not look for the fastest way.",
     exercises=(
@@ -506,7 +507,7 @@ PUSH = Lesson(
         "A coordinate that fits the constraint, such as the angle, leaves no force to be seen. In "
         "x "
         "and y the paths must keep f(x, y) = 0. Among these alone S is stationary, and so S plus "
-        "lambda f is, among all paths, for the right lambda(t).",
+        "the integral of lambda f dt is, among all paths, for the right lambda(t).",
         "Its equations have a force more, lambda times the gradient of f: across the surface, as "
         "large as it has to be. If the constraint rests, the force does no work on the motion. If "
         "it moves, as the wire does, it may: the power is the force times the velocity of the "

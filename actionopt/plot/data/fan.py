@@ -214,6 +214,12 @@ def is_aligned(p: Array, v: Array) -> bool:
     return bool(np.all(across <= ALIGNED * np.hypot(*p) * np.hypot(*v)))
 
 
+NO_FRONTS = (
+    "neighbouring motions cross or part too far for fronts to be drawn here; a shorter duration, "
+    "or a smaller spread, may leave some"
+)
+
+
 def _distinct(sides: Array) -> tuple[Array, Array]:
     """Return the ends of the distinct sides, (2, E), and which of them each is."""
     found, number = np.unique(sides, axis=0, return_inverse=True)
@@ -235,6 +241,8 @@ def over_plane(solution: Solution, data: Fronts) -> Sheet:
     coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE_TRIANGLE * level
     mask = coarse | np.any(_turns_over(x, y, corners)[FIRST_FRONT:], axis=0)
     mask = _lone(disc.neighbors, mask | _overlaps(q, corners, mask))
+    if mask.all():
+        raise ValueError(NO_FRONTS)
     return Sheet(Triangulation(q[0], q[1], corners, mask), S, p, v)
 
 
