@@ -401,11 +401,7 @@ def test_what_is_refused_is_told():
 
 def test_what_knows_the_first_order_alone_says_so():
     path = between(SPLINE, (0, [0], [0]), (1, [1], [0]))
-    for ask in (
-        path.opti,
-        path.action_function,
-        lambda: ao.sweep(path.problem, {"t1": [1.0, 2.0]}),
-    ):
+    for ask in (path.opti, path.action_function, lambda: ao.integrate(SPLINE, path.start, 1.0)):
         with pytest.raises(ValueError, match="found one that contains accelerations"):
             ask()
 
@@ -420,6 +416,46 @@ def test_equations_of_motion_in_sympy():
     w, P = written.q[0], written.parameters["P"]
     expected = -w.diff(written.t, 4) - P * w.diff(written.t, 2) - 1  # Euler and Poisson
     assert (written.equations[0].lhs - expected).simplify() == 0
+
+
+def test_trace_tells_where_a_beam_buckles():
+    beam = ao.System(
+        lambda q, v, a, t, *, P: a[0] ** 2 / 2 - P * v[0] ** 2 / 2 + v[0] ** 4 / 4,
+        ["w"],
+        parameters={"P": 5.0},
+    )
+    found = ao.trace(ao.Problem(beam, ao.Event(0, [0]), ao.Event(1, [0])), "P", 12.0)
+    (mark,) = found.marks  # hinged: at pi^2
+    assert (mark.kind, mark.value) == ("index", pytest.approx(math.pi**2, rel=1e-6))
+
+
+def test_sweep_over_the_time_of_a_waypoint():
+    ends = ao.Event(0, [0], v=[0]), ao.Event(1, [1], v=[0])
+    problem = ao.Problem(SPLINE, *ends, through=[ao.Event(0.4, [0.2])])
+    over = np.linspace(0.3, 0.5, 3)
+    found = ao.sweep(problem, {("through", 0, "t"): over})
+    bc = ((1, 0.0), (1, 0.0))
+    splines = [CubicSpline([0, t, 1], [0, 0.2, 1], bc_type=bc) for t in over]
+    known = np.array([[[-s(0, 3), s(0, 2)], [-s(1, 3), s(1, 2)]] for s in splines])
+    np.testing.assert_allclose(found.momenta, known, rtol=1e-10)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_from_a_neighbour_with_other_velocities_at_its_ends(n):
+    system = ao.System(
+        lambda q, v, a, t: (1 + q[0] ** 2) * (a @ a) / 2 + v[0] ** 4 / 4 + np.cos(q[0] * q[-1]),
+        list("xy"[:n]),
+    )
+
+    def problem(x, v):
+        return ao.Problem(
+            system, ao.Event(0, [0.1] * n, v=[0.3] * n), ao.Event(1, [x] * n, v=[v] * n)
+        )
+
+    neighbour = ao.solve(problem(0.4, 0.1))
+    path = ao.solve(problem(0.5, 0.3), guess=neighbour)
+    assert path.stats["iterations"] == {"newton": 1}  # along the tangent of the family
+    assert path.action == pytest.approx(ao.solve(problem(0.5, 0.3)).action, rel=1e-12)
 
 
 @pytest.mark.slow

@@ -112,6 +112,7 @@ def integrate(
     True
     """
     if isinstance(system, System):  # else it is told what was expected
+        system.check_order("a motion from initial values")
         system.check_free("forward integration does not know contact")
     return follow(Flow(system, parameters), state, t_end, tol=tol, mesh=mesh).path
 

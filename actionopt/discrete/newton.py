@@ -194,7 +194,7 @@ def _residual_change(tr: Transcription, z: Array, to: Transcription, factors: Fa
     change = to.ends[[0, -1]] - ends
     if tr.layout.storage == "blocks":
         padded = np.zeros((2, tr.layout.blocks.width))
-        padded[:, : tr.lengths.size] = change / tr.lengths
+        padded[:, : ends.shape[1]] = change / tr.place_units
         return tr.layout.blocks.of_ends(factors.nonzeros, padded)
     nearby = tr.with_ends(ends + ENDS_DIFFERENCE * change)
     return nearby.residual(z) / ENDS_DIFFERENCE  # that of z itself is zero

@@ -21,7 +21,7 @@ from actionopt.families.question import question_of
 from actionopt.families.remake import SAME_MOMENTA, remake
 from actionopt.families.retry import SolvedNeighbours, check_sent, retry_of, work
 from actionopt.families.sheets import leaps, sheets
-from actionopt.families.task import REFUSED, Answers
+from actionopt.families.task import REFUSED, Answers, has_more_than_path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
 from actionopt.tools.checks import by_name, flat_index
@@ -70,7 +70,8 @@ class Runs:
         "ERROR" where the solver ended unexpectedly (`messages` say how), "UNREACHED" where the
         sweep was interrupted before.
     momenta, ends : (..., 2, n) arrays
-        Momenta and coordinates at the two events; NaN where a member failed.
+        Momenta and coordinates at the two events; NaN where a member failed. Where L contains
+        accelerations, momenta (..., 2, 2 n) as `Solution.momentum` has them, and so on.
     slopes : (..., k) array
         Derivatives of S by each of the k quantities that vary (Hamilton and Jacobi: momenta, minus
         the energy, ...); NaN where a member failed, or S is no function of them alone: with forces
@@ -111,6 +112,7 @@ class Runs:
     def begin(cls, grid: Grid, tol: float, index: bool, keep_paths: bool) -> Runs:
         """Return the arrays before any member is tried."""
         shape, n = grid.shape, grid.problem.system.n
+        width = grid.problem.system.order * n
         longest = max(map(len, (*Status.__members__, UNREACHED_NAME)))
         return cls(
             grid=grid,
@@ -118,7 +120,7 @@ class Runs:
             action=np.full(shape, np.nan),
             error=np.full(shape, np.inf),
             status=np.full(shape, UNREACHED_NAME, dtype=f"<U{longest}"),
-            momenta=np.full((*shape, 2, n), np.nan),
+            momenta=np.full((*shape, 2, width), np.nan),
             ends=np.full((*shape, 2, n), np.nan),
             slopes=np.full((*shape, len(grid.names)), np.nan),
             index=np.full(shape, -1) if index else None,
@@ -136,15 +138,16 @@ class Runs:
         ------
         ValueError
             If the file holds other values or no sweep, or paths do not follow from its arrays:
-            where a time is free, or an event is at infinity or on a surface.
+            where a time is free, an event is at infinity or on a surface, or there are some
+            between the ends.
         OSError
             If it cannot be read.
         """
         problem, runs = grid.problem, cls.begin(grid, tol, index, False)
-        if problem.free_time or problem.is_infinite or problem.on_surface:
+        if has_more_than_path(problem):
             raise ValueError(
-                "expected given times and coordinates at the events, found some to be found: only "
-                "the paths say where; keep them by resume="
+                "expected given times and coordinates at two events, found more to be found: "
+                "only the paths say it; keep them by resume="
             )
         if not FilePath(file).exists():
             raise FileNotFoundError(
@@ -284,7 +287,7 @@ class Runs:
             )
         problem = self.grid.member(i)
         found = solve(problem, guess=self._near(problem, i), tol=self.tol, throw=False)
-        S, known = self.action.flat[i], self.momenta.reshape(-1, 2, problem.system.n)[i]
+        S, known = self.action.flat[i], self.momenta.reshape(-1, *self.momenta.shape[-2:])[i]
         off = np.max(np.abs(np.stack(found.momenta) - known)) / (np.max(np.abs(known)) or 1.0)
         off = 0.0 if problem.is_infinite else off  # they are those of the window's edges
         unit = max(abs(S), float(np.ptp(self.action[self.success]))) or 1.0
@@ -441,7 +444,8 @@ class Runs:
         names = self._names
         dims = ["member"] if grid.zipped else names
         at_events = ["event", "coordinate"]
-        behind = {"momenta": at_events, "ends": at_events, "slopes": ["quantity"]}
+        of_each = at_events if system.order == 1 else ["event", "momentum"]
+        behind = {"momenta": of_each, "ends": at_events, "slopes": ["quantity"]}
         found: dict[str, Any] = {
             name: (dims + behind.get(name, []), getattr(self, name))
             for name in OVER_GRID

@@ -111,7 +111,6 @@ def sweep(
     check_problem(problem)
     tolerance(tol)
     problem = problem.asked or problem
-    problem.system.check_order("a sweep")
     if problem.free_time and problem.closes and problem.system.n > 1:
         raise ValueError(
             "expected events, or a period that is given, to sweep over, found closed paths of a "

@@ -92,12 +92,12 @@ def solve_members(
 
     Or near those that are `given`. Searches that find nothing have a budget if `limited`.
     """
-    (tol, index, keep_paths), k, n = options, len(members), problem.system.n
+    (tol, index, keep_paths), k = options, len(members)
     if has_more_than_path(problem):
         return one_by_one(problem, members, columns, guess, options, first)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
-    answers = _no_answers(members, n, len(columns), alone=0)
+    answers = _no_answers(members, problem, len(columns), alone=0)
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths = {i: _refusal(problem, columns, i) for i in np.flatnonzero(~late).tolist()}, {}
@@ -134,21 +134,23 @@ def solve_members(
 def has_more_than_path(problem: Problem) -> bool:
     """Whether more than a path is found of each member: a duration, a window, places, multipliers.
 
-    Or legs. Then paths tell what was found, and members are solved one by one.
+    Or legs, or L contains accelerations. Then paths tell what was found, and members are solved
+    one by one.
     """
     found = problem.free_time or problem.is_infinite or problem.on_surface
+    found = found or problem.system.order > 1
     return bool(found or problem.through) or problem.integral is not None
 
 
-def _no_answers(members: NDInt, n: int, columns: int, alone: int) -> Answers:
+def _no_answers(members: NDInt, problem: Problem, columns: int, alone: int) -> Answers:
     """Return the answers of members of which none is solved yet."""
-    k, width = len(members), max(map(len, [REFUSED, *Status.__members__]))
+    k, n, width = len(members), problem.system.n, max(map(len, [REFUSED, *Status.__members__]))
     return {
         "members": members,
         "status": np.full(k, REFUSED, dtype=f"<U{width}"),
         "action": np.full(k, np.nan),
         "error": np.full(k, np.inf),
-        "momenta": np.full((k, 2, n), np.nan),
+        "momenta": np.full((k, 2, problem.system.order * n), np.nan),
         "ends": np.full((k, 2, n), np.nan),
         "slopes": np.full((k, columns), np.nan),
         "unsought": np.zeros(k, dtype=bool),
@@ -172,8 +174,8 @@ def one_by_one(
     Those that are `given` are not solved again. All are sought near `guess` unless they `lead`.
     """
     tol, index, _ = options
-    k, n = len(members), problem.system.n
-    answers = _no_answers(members, n, len(columns), alone=k)
+    k = len(members)
+    answers = _no_answers(members, problem, len(columns), alone=k)
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths, begun = {}, {}, guess

@@ -113,7 +113,6 @@ def trace(
     check_problem(problem)
     check_progress(progress)
     family, value = _family(problem.asked or problem, vary, start)
-    problem.system.check_order("a family of paths")
     problem.system.check_free("a branch does not know where contact changes; sweep does")
     to, steps = number(to, "the value to go to"), whole(steps, "the most points to compute", 1)
     if to == value:
@@ -464,8 +463,8 @@ class _TraceRun:
 
 
 def _is_course(problem: Problem) -> bool:
-    """Whether a path passes events or has given integrals: its index is that of all its legs."""
-    return bool(problem.through) or problem.integral is not None
+    """Whether the index is that of all of a path: of legs, given integrals, accelerations in L."""
+    return bool(problem.through) or problem.integral is not None or problem.system.order > 1
 
 
 def _without(error: ValueError) -> str:

@@ -169,7 +169,8 @@ def noether(
     >>> float(momentum([1.0, 2.0], [3.0, 5.0], 0.0))  # x y' - y x'
     -1.0
     """
-    check_system(system).check_free("what is conserved without it may change in contact")
+    check_system(system).check_order("what a symmetry conserves")
+    system.check_free("what is conserved without it may change in contact")
     s, n = system.symbols, system.n
     xi = _trace(system, generator, "generator", n)
     tau = _trace(system, time, "time", 1)

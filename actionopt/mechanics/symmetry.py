@@ -101,7 +101,8 @@ def find_symmetries(
     ----------
     Olver, *Applications of Lie Groups to Differential Equations* (2nd ed. 1993), section 4.4.
     """
-    check_system(system).check_free("what is conserved without it may change in contact")
+    check_system(system).check_order("a search for symmetries")
+    system.check_free("what is conserved without it may change in contact")
     s, n = system.symbols, system.n
     a = ca.SX.sym("a", n)
     c = ca.SX.sym("c", n * (n + 2) + 2)

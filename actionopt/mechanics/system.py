@@ -520,11 +520,7 @@ class System(NumericLaws):
         return hashlib.sha256(repr(said).encode()).hexdigest()
 
     def check_free(self, what: str) -> None:
-        """Raise ValueError if there is an obstacle, saying `what` does not know it.
-
-        Nor does it know accelerations in L.
-        """
-        self.check_order("this answer")
+        """Raise ValueError if there is an obstacle, saying `what` does not know it."""
         if self.r:
             raise ValueError(
                 f"expected a system without an obstacle, found one with: {what}; leave it out "

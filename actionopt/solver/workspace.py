@@ -254,7 +254,7 @@ class Workspace(Generic[Place]):
         tr, z = neighbour.tr, neighbour.z
         with self.record.clock("assemble"):
             mine = tr.between(self.problem)
-            ends = mine.ends[[0, -1]]
+            ends = mine.ends[[0, -1], : tr.lengths.size]
             origin = 0.0 if tr.origin is None else tr.origin
             lengths = np.maximum(tr.lengths, np.max(np.abs(ends - origin), axis=0))
             if not alike(lengths, tr):

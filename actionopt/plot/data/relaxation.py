@@ -127,6 +127,7 @@ def relaxation_data(
     system = solution.problem.system
     if method not in METHODS:
         raise ValueError(f"expected a method of {', '.join(METHODS)}, found {method!r}")
+    system.check_order("a relaxation")
     system.check_free("a relaxation does not know contact")
     if system.m or system.structure.forced:
         what = "constraints" if system.m else "non-conservative forces"
