@@ -242,6 +242,7 @@ def test_least_jerk_through_gates_whose_times_are_found():
         assert action(times + step) > path.action  # no other times are better
     s = np.linspace(0, 3, 50)
     np.testing.assert_allclose(path(s).T, spline(times)(s), atol=1e-10)
+    assert np.ptp(path.energy(s)) < 1e-10 * path.action  # on the later legs, too
 
 
 def test_snap_with_a_waypoint_at_a_given_energy():

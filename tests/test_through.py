@@ -41,6 +41,26 @@ def test_waypoints_are_passed_with_impulses(a, b):
     assert again.impulses == pytest.approx(found.impulses, abs=1e-12)
 
 
+def test_the_path_of_an_oscillator_through_waypoints_is_the_only_one():
+    events = [ao.Event(1.0, [0.5]), ao.Event(4.2, [-0.3])]
+    linear = ao.Problem(OSCILLATOR, ao.Event(0, [0.0]), ao.Event(5, [1.0]), through=events)
+    found = ao.solve_all(linear)
+    assert len(found) == 1 and found.complete
+
+
+@pytest.mark.slow
+def test_all_paths_through_a_waypoint_are_those_of_the_legs():
+    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    events = ao.Event(0, [0.1]), ao.Event(4.5, [-0.2]), ao.Event(5.5, [0.3])
+    few: dict[str, Any] = {"windings": 0, "starts": 3, "continuations": 0}
+    legs = [ao.solve_all(ao.Problem(pendulum, *ends), **few) for ends in pairwise(events)]
+    start, middle, end = events
+    found = ao.solve_all(ao.Problem(pendulum, start, end, through=[middle]), **few)
+    sums = sorted(a.action + b.action for a in legs[0] for b in legs[1])
+    assert len(sums) == 3
+    assert [s.action for s in found] == pytest.approx(sums, abs=1e-9)
+
+
 def test_a_coordinate_that_is_free_at_a_waypoint_is_smooth():
     problem = ao.Problem(
         FREE, ao.Event(0, [0, 0]), ao.Event(2, [1, 3]), through=[ao.Event(1.5, [2, None])]
@@ -64,6 +84,33 @@ def test_a_free_time_keeps_the_energy():
     assert found.problem.through[0].t == pytest.approx(t, abs=1e-10)
     assert found.energy_jumps == pytest.approx([0], abs=1e-12)
     assert found.morse_index == 1
+
+
+@pytest.mark.slow
+def test_one_curve_that_passes_a_place_twice_is_two_answers():
+    """Smoothly going out and coming back, or thrown back: three times of passage."""
+    problem = ao.Problem(
+        OSCILLATOR, ao.Event(0, [0.0]), ao.Event(3, [0.4]), through=[ao.Event(None, [1.5])]
+    )
+    late = brentq(lambda t: oscillation(0, 1.5, t)[2] + oscillation(1.5, 0.4, 3 - t)[1], 1.6, 1.66)
+    size = 0.4 / np.sin(3.0)  # the oscillation from 0 to 0.4 in t = 3
+    passes = [np.arcsin(1.5 / size), np.pi - np.arcsin(1.5 / size)]
+    found = np.sort([cast(float, s.problem.through[0].t) for s in ao.solve_all(problem)])
+    assert found == pytest.approx(np.sort([late, *passes]), abs=1e-8)
+
+
+@pytest.mark.slow
+def test_rays_far_from_the_line_between_events_above_each_other_are_found():
+    """Three rays from (0.05, 6) to (0.1, -4) refracted at y = x^2, by a scan of where they are."""
+    upper = ao.System(lambda q, v, t: 1.5**2 * (v @ v) / 2, ["x", "y"])
+    bowl = ao.Event(None, None, on=lambda q, t: q[1] - q[0] ** 2)
+    ends = ao.Event(0, [0.05, 6.0]), ao.Event(1, [0.1, -4.0])
+    found = ao.solve_all(ao.Problem([upper, FREE], *ends, through=[bowl]))
+    x = np.linspace(-3, 3, 6001)
+    length = 1.5 * np.hypot(x - 0.05, x**2 - 6) + np.hypot(x - 0.1, x**2 + 4)
+    slope = np.diff(length)
+    stationary = x[1:-1][slope[1:] * slope[:-1] < 0]
+    assert sorted(s.problem.through[0].q[0] for s in found) == pytest.approx(stationary, abs=1e-3)
 
 
 def test_heron_and_snell():
@@ -245,7 +292,6 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
         lambda: ao.second_variation(found),
         lambda: spectrum_data(found),
         lambda: ao.conjugate_points(found),
-        lambda: ao.solve_all(found.problem),
     ):
         with pytest.raises(ValueError, match="without events between its ends"):
             ask()

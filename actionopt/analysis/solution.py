@@ -220,16 +220,18 @@ class Solution:
                 system = problem.system
             given = {k: x for k, x in problem.parameters.items() if k in system.table.shapes}
             part = Problem(system, *ends, parameters=given)
-            known = DiscretePath.of(part, leg)
+            known, kept = DiscretePath.of(part, leg), None
+            if part.system.order > 1:  # derivatives are not read from values
+                kept = DiscretePath(known.tr, known.tr.pack_places(places[a : b + 1]))
             found.append(
                 replace(
                     self,
                     problem=part,
-                    path=leg,
+                    path=leg if kept is None else kept.path,
                     action=known.action,
                     lam=self.lam[:, a : b + 1],
                     ends=None,
-                    known=None,
+                    known=kept,
                 )
             )
         return tuple(found)

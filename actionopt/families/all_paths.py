@@ -19,7 +19,6 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.families.centres import guesses
 from actionopt.families.searches import SAME_PATH, Answers
-from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem, first_state
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import check_problem
@@ -226,8 +225,6 @@ def solve_all(
                 "expected whole numbers >= 0 of windings, starts, shots and continuations, "
                 f"found {count!r}"
             )
-    if not problem.is_joined and problem.system.order == 1:
-        check_whole(problem, "the search for all paths between given events")
     if problem.system.r and angles:
         raise ValueError(
             "expected no angles for a system with an obstacle, found some: give events that "

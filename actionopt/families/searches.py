@@ -21,6 +21,9 @@ from actionopt.analysis.flow import IntegrationError
 from actionopt.analysis.shooting import aim, close, in_directions, motions, shoot, velocities
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
+from actionopt.discrete.borders import times_of
+from actionopt.discrete.boundaries import with_boundaries
+from actionopt.discrete.element import with_degrees
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
@@ -93,6 +96,9 @@ class Winding:
         """The discrete problem on which they are searched for."""
         start, end = self.problem.start.t, self.problem.end.t
         mesh = Mesh.uniform(start, end, SEARCH_ELEMENTS, SEARCH_DEGREE)
+        mesh = with_boundaries(
+            with_degrees(mesh, self.problem.system.order), self.problem.boundaries
+        )
         return Transcription(self.problem, mesh, self.problem.lengths)
 
 
@@ -171,7 +177,8 @@ class Answers:
             yield from self._straight()
             if not self.linear:
                 yield from self._least(starts)
-                if self.problem.system.order == 1:  # velocities alone start a motion
+                # Velocities alone start a motion, which passes no places that are given.
+                if self.problem.system.order == 1 and not self.problem.through:
                     yield from self._forward_shots(shots)
                 yield from self._deflate(starts)
                 yield from self._folds(continuations)
@@ -500,7 +507,10 @@ class Answers:
         for other, turns in [(s, turns) for s, turns, _ in self.found] + self.kinked:
             if turns != c.turns or abs(other.duration / solution.duration - 1) > near:
                 continue
-            if np.max(np.abs(self._apart(self._samples(other), values)) / size) < near:
+            # One curve passes a place more than once: at which time it does is another answer.
+            late = np.abs(times_of(other.problem) - times_of(solution.problem)).max()
+            same = np.max(np.abs(self._apart(self._samples(other), values)) / size) < near
+            if same and not late > near * solution.duration:
                 self.last = other
                 return
         family = not _is_determined(solution)

@@ -49,6 +49,7 @@ FIRST_POLYGONS = 24  # first paths that are tried, straight between events, and 
 BEFORE_RAYS = 2  # of them, before motions are
 ALL_ROUNDS = 10  # of motions, to find all answers
 SAME_FIRST = 1e-4  # of the sizes, and of the duration: nearer paths on their first mesh are one
+SMALLEST_SIZE = 0.3  # of a coordinate, of the largest one's
 PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of logarithms of times
 GUESS_ELEMENTS = 16  # where integrals are given: on half of them a rod that winds once is lost
 CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
@@ -324,10 +325,28 @@ def _points(problem: Problem) -> Array:
 
 
 def _sizes(problem: Problem, points: Array) -> Array:
-    """Return how far coordinates may be from what is interpolated, (n,)."""
+    """Return how far coordinates may be from what is interpolated, (n,).
+
+    As far as the largest, in the metric of the kinetic energy, or not much less: events nearly
+    above each other do not say that the path between them stays there.
+    """
     size = np.maximum(np.ptp(points, axis=0), np.abs(points).max(axis=0))
-    largest = size.max()
-    return np.where(size > 0, size, largest if largest > 0 else 1.0)
+    way = np.where(size > 0, size, size.max() or 1.0)[None]
+    middle = points.mean(axis=0, keepdims=True)
+    times = _fill(times_of(problem), np.ones(len(points) - 1))
+    unit = np.sqrt(_inertia(problem, middle, way, times.mean(keepdims=True))[0])
+    if not (np.isfinite(unit).all() and (unit > 0).all()):
+        unit = np.ones(size.size)
+    largest = (size * unit).max()
+    return np.maximum(size, SMALLEST_SIZE * largest / unit) if largest > 0 else np.ones(size.size)
+
+
+def _inertia(problem: Problem, q: Array, v: Array, t: Array) -> Array:
+    """Return the diagonal of the mass matrix (K, n) at q, v (K, n) and t (K,)."""
+    at = problem.found_at(_fill(times_of(problem), np.ones(len(problem.joints_found) - 1)))
+    with np.errstate(all="ignore"):
+        second = at.system.pointwise("second")(*first_state(at.system, q, v), t[:, None], at.packed)
+    return diagonal(at.system, 2, second[2])
 
 
 def _begin(problem: Problem, q: Array, size: Array, share: Array) -> tuple[Path, Array] | None:
@@ -391,10 +410,8 @@ def _durations(problem: Problem, q: Array) -> Array:
     t = np.array(
         [(a.t + b.t) / 2 for a, b in zip(at.joints_found[:-1], at.joints_found[1:], strict=True)]
     )
-    arguments = *first_state(at.system, middle, way), t[:, None], at.packed
     with np.errstate(all="ignore"):
-        second = at.system.pointwise("second")(*arguments)[2]
-        length = np.sqrt(np.sum(diagonal(at.system, 2, second) * way**2, axis=1))
+        length = np.sqrt(np.sum(_inertia(problem, middle, way, t) * way**2, axis=1))
         speed = np.ones(length.size)
         if problem.energy is not None:
             rest = first_state(at.system, middle, 0 * way)
