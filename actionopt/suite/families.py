@@ -200,10 +200,17 @@ REASON = (
     "so long a time has many paths, and spurious minima between them: on the way most "
     "Hessians have many negative eigenvalues"
 )
+OTHER_MINIMA = (
+    "figure_eight",
+    "kepler",
+    "two_body",
+    "rod_pendulum",
+)  # plain ones with other minima
 SPECIAL = {
     "inverted_cone": {"tags": (STEADY,), "start": "perturbed"},
     "heavy_top": {"tags": (STEADY, "several optima"), "start": "perturbed", "why": CYCLIC},
     "hoop_bead": {"tags": ("several optima",), "bends": ((1.5,), (-1.5,))},
+    **{name: {"tags": ("several optima",)} for name in OTHER_MINIMA},
 }
 EASY = tuple(
     Family(name, name, *SCENE_MESHES.get(name, ()), **SPECIAL.get(name, {}))
@@ -211,7 +218,8 @@ EASY = tuple(
 )
 
 OPTIMA = ("several optima",)
-TURNS = ("many turns",)
+TURNS = ("many turns", *OPTIMA)
+REDUNDANT = ("redundant constraints", "LICQ fails", "MFCQ fails")
 SADDLE = ("unbounded below", "saddle only")
 SCALING = ("badly scaled units",)
 SCALE_DECADES = 8.0
@@ -317,13 +325,11 @@ HARD = (
         {"inclination": 1.5},
         ("coordinate singularity",),
     ),
-    Family(
-        "rod_pendulum_redundant", "rod_pendulum", tags=("redundant constraints",), change=redundant
-    ),
+    Family("rod_pendulum_redundant", "rod_pendulum", tags=REDUNDANT, change=redundant),
     Family(
         "polar_pendulum_redundant",
         "polar_pendulum",
-        tags=("redundant constraints",),
+        tags=REDUNDANT,
         change=redundant,
     ),
     Family(
@@ -452,21 +458,21 @@ CONTACTS = tuple(
             obstacles.along_wall,
             8,
             {"both": True},
-            (*WEAKLY, "MFCQ fails", STEADY),
+            (*WEAKLY, "LICQ fails", "MFCQ fails", STEADY),
             {"both": False},
         ),
-        ("disc", obstacles.round_discs, 16, {}, UNILATERAL, {}),
+        ("disc", obstacles.round_discs, 16, {}, (*UNILATERAL, *OPTIMA), {}),
         (
             "discs",
             obstacles.round_discs,
             24,
             {"centres": ((-1.5, 0.3), (1.5, -0.2)), "ends": ((-3.5, 0), (3.5, 0))},
-            UNILATERAL,
+            (*UNILATERAL, *OPTIMA),
             {},
         ),
         ("ball", obstacles.round_ball, 16, {}, UNILATERAL, {}),
         ("pegs", obstacles.round_pegs, 24, {}, (*UNILATERAL, *OPTIMA), {}),
-        ("rod_floor", obstacles.links_on_floor, 16, {}, UNILATERAL, {}),
+        ("rod_floor", obstacles.links_on_floor, 16, {}, (*UNILATERAL, *OPTIMA), {}),
         ("chain_floor", obstacles.links_on_floor, 24, {"links": 3}, (*UNILATERAL, *OPTIMA), {}),
     )
 )

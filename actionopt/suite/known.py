@@ -1,5 +1,7 @@
 """Stationary points that solvers came to: kept in a file, so that nothing found stays new.
 
+And from how many random starts they were looked for.
+
 `actionopt.suite.learn` adds to it. A point belongs to one mesh of one family: on a coarse one it
 may be no path at all. On any other mesh the others of a problem are those its bends lead to.
 """
@@ -9,6 +11,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +23,14 @@ KNOWN_FILE = Path(__file__).with_name("known.json")
 
 def points(name: str, program: Program) -> list[Array]:
     """Return points x (n,), in sizes of the coordinates, near stationary ones of this problem."""
-    return [np.array(x) for x in table().get(key(name, program), ())]
+    entry = table().get(key(name, program))
+    return [np.array(x) for x in entry["points"]] if entry else []
+
+
+def starts(name: str, program: Program) -> int:
+    """Return from how many random starts others were looked for."""
+    entry = table().get(key(name, program))
+    return entry["starts"] if entry else 0
 
 
 def key(name: str, program: Program) -> str:
@@ -29,6 +39,6 @@ def key(name: str, program: Program) -> str:
 
 
 @cache
-def table() -> dict[str, list[list[float]]]:
-    """Return the points of each problem."""
+def table() -> dict[str, dict[str, Any]]:
+    """Return the points of each problem, and the number of starts."""
     return json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.is_file() else {}

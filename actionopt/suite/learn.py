@@ -1,30 +1,41 @@
-"""Keep the stationary points of a file of results that were not known; a module to be run.
+"""Find stationary points that are not known, and keep them; a module to be run.
 
-python -m actionopt.suite.learn results.jsonl
+Those of a file of results, or what Ipopt comes to from random starts on the members named:
+
+    python -m actionopt.suite.learn results.jsonl
+    python -m actionopt.suite.learn kepler chain
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from actionopt import suite
-from actionopt.suite import known
+from actionopt.suite import known, solvers
+from actionopt.suite.problem import SEED, Stationary, TestProblem
 from actionopt.suite.runner import load
 from actionopt.suite.verdict import SAME_POINT
 from actionopt.tools.files import rounded, write
+from actionopt.tools.types import Array
 
 KNOWN_DIGITS = 5  # Newton's method finds the others
+RANDOM_STARTS = 60
+START_WAVES, START_AMPLITUDES = (
+    4,
+    (0.3, 1.0, 3.0),
+)  # of random starts, in the coordinates' sizes; ad hoc
+MOST_KEPT = 16  # points that random starts come to: the lowest minima first
 
 
 def learn(records: Iterable[Mapping[str, Any]], file: Path = known.KNOWN_FILE) -> int:
     """Add the points of records that were not known, each once; return how many there were."""
-    table = {name: list(points) for name, points in known.table().items()}
+    table = {name: {**entry, "points": [*entry["points"]]} for name, entry in known.table().items()}
     count = 0
     for record in records:
         if "point" not in record or record.get("parameters"):
@@ -33,16 +44,54 @@ def learn(records: Iterable[Mapping[str, Any]], file: Path = known.KNOWN_FILE) -
         found = problem.nearest(np.array(record["point"]) * problem.unit, SAME_POINT)
         if found is None:
             continue
-        x = found.x
-        mine = table.setdefault(known.key(problem.name, problem), [])
-        others = [problem.x_star, *(np.array(k) * problem.unit for k in mine)]
-        if all(problem.distance(x, other) > 10.0 ** (2 - KNOWN_DIGITS) for other in others):
-            mine.append(rounded(list(map(float, x / problem.unit)), KNOWN_DIGITS))
+        entry = table.setdefault(known.key(problem.name, problem), {"starts": 0, "points": []})
+        entry["starts"] = max(entry["starts"], record.get("starts", 0))
+        others = [problem.x_star, *(np.array(k) * problem.unit for k in entry["points"])]
+        if is_new(problem, found.x, others):
+            point = (found.x / problem.unit).tolist()
+            entry["points"].append(rounded(point, KNOWN_DIGITS))
             count += 1
     lines = (f"{json.dumps(name)}: {json.dumps(table[name])}" for name in sorted(table))
     write(file, "{\n" + ",\n".join(lines) + "\n}\n")
     return count
 
 
+def is_new(problem: TestProblem, x: Array, others: Iterable[Array]) -> bool:
+    """Whether x is none of the others, which are known to `KNOWN_DIGITS`."""
+    return all(problem.distance(x, other) > 10.0 ** (2 - KNOWN_DIGITS) for other in others)
+
+
+def search(problem: TestProblem, starts: int = RANDOM_STARTS) -> Iterator[dict[str, Any]]:
+    """Yield what Ipopt comes to from random starts, the optimum too: as `learn` takes it."""
+    found: list[Stationary] = []
+    for x in random_starts(problem, starts):
+        end = solvers.run("ipopt", problem, x).x
+        near = problem.nearest(end, SAME_POINT) if np.all(np.isfinite(end)) else None
+        if near and near.index is not None and is_new(problem, near.x, [s.x for s in found]):
+            found.append(near)
+    found.sort(key=lambda s: (s.index, s.f))
+    for point in (problem.optimum, *found[:MOST_KEPT]):
+        yield {
+            "problem": problem.name,
+            "elements": problem.mesh.elements,
+            "degree": max(problem.mesh.degrees),
+            "point": point.x / problem.unit,
+            "starts": starts,
+        }
+
+
+def random_starts(problem: TestProblem, count: int) -> Iterator[Array]:
+    """Yield starting points (n,): the member's own, with sine waves of random amplitudes."""
+    random, tr = np.random.default_rng(SEED), problem.transcription
+    s, k = np.linspace(0, 1, tr.layout.node_count), np.arange(1, START_WAVES + 1)
+    waves = np.sin(np.pi * np.outer(s, k)) / k
+    for i in range(count):
+        Q = waves @ random.normal(size=(START_WAVES, tr.layout.system.n))
+        bend = START_AMPLITUDES[i % len(START_AMPLITUDES)] * Q.ravel()[tr.layout.free]
+        yield problem.start() + bend * problem.unit
+
+
 if __name__ == "__main__":
-    print(learn(load(sys.argv[1])))
+    for word in sys.argv[1:]:
+        print(word, learn(load(word) if word.endswith(".jsonl") else search(suite.get(word))))
+        known.table.cache_clear()

@@ -135,11 +135,12 @@ class TestProblem(Program):
     @property
     def convex(self) -> bool:
         """Whether f is convex where c = 0 is: quadratic, with linear constraints and index 0."""
-        return (
-            self.classification[0] == "Q"
-            and self.classification[1] in "UL"
-            and (self.index_star == 0)
-        )
+        return self._is_quadratic and self.index_star == 0
+
+    @property
+    def _is_quadratic(self) -> bool:
+        """Whether f is quadratic, and so are no constraints."""
+        return self.classification[0] == "Q" and self.classification[1] in "UBL"
 
     @property
     def unbounded(self) -> bool:
@@ -148,8 +149,7 @@ class TestProblem(Program):
         Of quadratics with linear constraints: where their index is not zero. And where a solver
         that steps over a singularity, which paths cannot, finds the other side of it.
         """
-        quadratic = self.classification[0] == "Q" and self.classification[1] in "UL"
-        return bool(quadratic and self.index_star) or self.family.scene in FALLING
+        return bool(self._is_quadratic and self.index_star) or self.family.scene in FALLING
 
     # -- starting points ---------------------------------------------------------------------
 
@@ -357,8 +357,19 @@ class TestProblem(Program):
             "f_star": digits if not self.flat.size else exact,
             "lam_star": digits if self.m else "no constraints",
             "index_star": counted,
+            "f_lowest": self._searched,
             "continuous": exact,
         }
+
+    @property
+    def _searched(self) -> str:
+        if self.unbounded:
+            return "none: f is unbounded below"
+        if self._is_quadratic:
+            return "the only minimum: f is convex"
+        starts, count = known.starts(self.name, self), 1 + len(self.others)
+        searched = f"{starts} random starts of Ipopt" if starts else "no random starts"
+        return f"the least of {count} stationary points, from bent lines, solvers and {searched}"
 
     # -- judging -----------------------------------------------------------------------------
 

@@ -3,8 +3,8 @@
 The *performance profile* of a solver is the fraction of problems it solves within tau times the
 cost of the best solver for each: E. D. Dolan and J. J. More, Mathematical Programming 91 (2002),
 201-213, eq. (2.1). Solved is what the verdict calls right. Where the best takes less than
-`LEAST_TIMED` seconds, the clock measures calls of functions and not solvers: those problems are left
-out of profiles of time.
+`LEAST_TIMED` seconds, the clock measures calls of functions and not solvers: those problems are
+left out of profiles of time.
 
 The *data profile* is the fraction of problems for which alpha (n + 1) evaluations of f are enough
 for the convergence test
