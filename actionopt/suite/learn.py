@@ -26,7 +26,7 @@ from actionopt.tools.types import Array
 
 KNOWN_DIGITS = 5  # Newton's method finds the others
 RANDOM_STARTS = 60
-START_WAVES, START_AMPLITUDES = (
+RANDOM_WAVES, RANDOM_AMPLITUDES = (
     4,
     (0.3, 1.0, 3.0),
 )  # of random starts, in the coordinates' sizes; ad hoc
@@ -83,11 +83,11 @@ def search(problem: TestProblem, starts: int = RANDOM_STARTS) -> Iterator[dict[s
 def random_starts(problem: TestProblem, count: int) -> Iterator[Array]:
     """Yield starting points (n,): the member's own, with sine waves of random amplitudes."""
     random, tr = np.random.default_rng(SEED), problem.transcription
-    s, k = np.linspace(0, 1, tr.layout.node_count), np.arange(1, START_WAVES + 1)
+    s, k = np.linspace(0, 1, tr.layout.node_count), np.arange(1, RANDOM_WAVES + 1)
     waves = np.sin(np.pi * np.outer(s, k)) / k
     for i in range(count):
-        Q = waves @ random.normal(size=(START_WAVES, tr.layout.system.n))
-        bend = START_AMPLITUDES[i % len(START_AMPLITUDES)] * Q.ravel()[tr.layout.free]
+        Q = waves @ random.normal(size=(RANDOM_WAVES, tr.layout.system.n))
+        bend = RANDOM_AMPLITUDES[i % len(RANDOM_AMPLITUDES)] * Q.ravel()[tr.layout.free]
         yield problem.start() + bend * problem.unit
 
 

@@ -357,12 +357,12 @@ class TestProblem(Program):
             "f_star": digits if not self.flat.size else exact,
             "lam_star": digits if self.m else "no constraints",
             "index_star": counted,
-            "f_lowest": self._searched,
+            "f_lowest": self._search_method,
             "continuous": exact,
         }
 
     @property
-    def _searched(self) -> str:
+    def _search_method(self) -> str:
         if self.unbounded:
             return "none: f is unbounded below"
         if self._is_quadratic:
