@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 import casadi as ca
@@ -44,6 +45,15 @@ OPTIONS: dict[str, Any] = {
     "ipopt.mumps_permuting_scaling": 0,  # MUMPS can stall for seconds on square systems with it
     "ipopt.diverging_iterates_tol": DIVERGING_ITERATES,
 }
+
+
+ABSENT = "this CasADi is without Ipopt"  # such as one that was built for a browser
+
+
+@cache
+def is_there() -> bool:
+    """Whether this CasADi has Ipopt."""
+    return ca.has_nlpsol("ipopt")
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +216,10 @@ def find(
 
     Rows that are `outside` (rows,) are inequalities, f >= 0; there a path is least.
         Whatever the transcription or a signal handler raises meanwhile is raised again, as it is.
+    Nothing is found where there is no Ipopt.
     """
+    if not is_there():
+        return Attempt(z, ABSENT, 0)
     solvers = tr.layout.solvers
     if principle not in solvers:
         solvers[principle] = _Solver(principle, tr)

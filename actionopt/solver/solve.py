@@ -13,6 +13,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_problem
 from actionopt.solver.between import Choices
+from actionopt.solver.ipopt import ABSENT, is_there
 from actionopt.solver.pursue import first, moves
 from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT, STRATEGIES
 from actionopt.tools.blas import one_thread
@@ -94,6 +95,8 @@ def solve(
         raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     if method == "ipopt":
         problem.system.check_order("method 'ipopt'")
+        if not is_there():
+            raise ValueError(f"expected another method than 'ipopt': {ABSENT}")
     if not isinstance(throw, (bool, np.bool_)):
         raise ValueError(f"expected throw=True or throw=False, found {throw!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)

@@ -9,6 +9,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.solver.ipopt import ABSENT, is_there
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
 
@@ -54,4 +55,6 @@ def message_of(solution: Solution, tol: float, hint: str = "") -> str:
             f"; {problem.system.coordinates[i]} is about {size:.3g} and known to "
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
+    if status is Status.NOT_FOUND and not is_there():
+        hint += f"; {ABSENT}, which finds some paths that nothing else does"
     return f"{problem.name}: {status.value} ({figures}){hint}"
