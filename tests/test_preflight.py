@@ -391,3 +391,27 @@ def test_the_event_that_gives_a_coordinate_is_the_one_that_is_named():
 )
 def test_an_event_where_a_force_is_infinite_is_named(force, where):
     refused(System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=force), match=where)
+
+
+def test_derivatives_that_overflow_where_the_lagrangian_does_not():
+    """That of 1 / cosh is sinh / cosh^2; written with exp(-|x|), it is solved: a wall to cross."""
+    ends, width, height = (Event(0.0, [-1.0]), Event(1.0, [1.0])), 1e-3, 0.05
+    wall = System(lambda q, v, t: kinetic(v) - height / np.cosh(q[0] / width), ["x"])
+    with pytest.raises(
+        ValueError, match=r"at the start event, .* dL/dq is not at and near .* cosh"
+    ):
+        ao.solve(Problem(wall, *ends))
+
+    def flat(q, v, t):
+        e = np.exp(-abs(q[0] / width))
+        return kinetic(v) - 2 * height * e / (1 + e**2)
+
+    solution = ao.solve(Problem(System(flat, ["x"]), *ends), tol=1e-6)
+    # 2 = v T + int (1 / sqrt(v^2 - 2 V) - 1 / v) v dx, the width of the wall beside it
+    assert solution.start.v[0] == pytest.approx(2.0, abs=1e-3)
+    inside = solution.velocity(0.5)[0]
+    assert inside**2 / 2 + height == pytest.approx(solution.start.v[0] ** 2 / 2, abs=1e-3)
+    corners = System(
+        lambda q, v, t: kinetic(v) - np.sqrt(q[0] ** 2) - np.sqrt(q[1] ** 2), ["x", "y"]
+    )
+    assert ao.solve(Problem(corners, *line(2)), throw=False).status.stationary

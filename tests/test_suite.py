@@ -329,6 +329,9 @@ def test_find_by_what_is_asked():
         suite.get("pendulun")
     with pytest.raises(ValueError, match="no parameter"):
         suite.get("pendulum", mass=1.0)
+    for links in (0, 1.5):
+        with pytest.raises(ValueError, match="a positive number of links"):
+            suite.get("chain_floor", links=links)
 
 
 def test_every_evaluation_is_counted():

@@ -156,6 +156,7 @@ def test_the_report_tells_meshes_starts_and_parameters_apart(tmp_path, monkeypat
         ["wrong"],
         ["right"],
     ]
+    assert matrix.count("<td>QUR2-MN-9-0</td>") == 3
     assert "<td>straight</td>" in rows[0][2] and "<td>perturbed</td>" in rows[1][2]
     commands = re.findall(r"actionopt suite run[^a]*(?:a(?!ctionopt)[^a]*)*", text)
     words = [" ".join(c.replace("\\", "").split()) for c in commands]

@@ -127,7 +127,19 @@ def _check_events(tr: Transcription, Q: Array) -> None:
             if not (nonfinite(Q[k] + step, nodes[k]) and nonfinite(Q[k] - step, nodes[k])):
                 where.append(f"{name} = {Q[k, i]:g}")
         if not where:  # nor is it beside the event
-            continue
+            around = [Q[k] + sign * BESIDE_EVENT * tr.lengths for sign in (1, -1)]
+            if (
+                what == "L"
+                or len(event.pinned) < n
+                or not all(nonfinite(q, nodes[k]) for q in around)
+            ):
+                continue
+            raise ValueError(
+                f"expected a Lagrangian whose derivatives are finite at the {role} event, found "
+                f"that {what} is not at and near q = {Q[k].tolist()}, where L is: a function in it "
+                "overflows, as cosh(x) beyond 710; write 1 / cosh(x) as "
+                "2 exp(-|x|) / (1 + exp(-2 |x|))"
+            )
         raise ValueError(
             f"expected a Lagrangian that is finite at the {role} event, found that {what} is not, "
             f"where {' and '.join(where)}, whatever the velocity; put the event a "
