@@ -29,6 +29,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 for success, 1 for a failure, whose message goes to the standard error, 2 for arguments
     that make no sense, 130 if interrupted, 141 if the output is read no further.
     """
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what may follow, and no more
+        complete = import_module("argcomplete").autocomplete
+        complete(_parser(os.environ["COMP_LINE"].split()[1:2]))
     given = sys.argv[1:] if arguments is None else list(arguments)
     parser = _parser(given[:1])
     options, rest = parser.parse_known_args(given)

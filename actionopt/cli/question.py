@@ -13,9 +13,11 @@ if TYPE_CHECKING:
 
 def add_question(command: argparse.ArgumentParser) -> None:
     """Add the arguments that `question` reads."""
-    command.add_argument("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
+    look: Any = {"metavar": "SCENE|FILE.py", "help": "name of a scene, or a Python file"}
+    scene: Any = command.add_argument("scene", **look)
+    scene.completer = _scenes
     what = "a parameter by name; may be repeated (`actionopt list SCENE` names them)"
-    look: Any = {"metavar": "NAME=VALUE", "dest": "settings", "help": what}
+    look = {"metavar": "NAME=VALUE", "dest": "settings", "help": what}
     command.add_argument("--set", type=_setting, action="append", default=[], **look)
 
 
@@ -27,6 +29,13 @@ def question(options: argparse.Namespace) -> tuple[Problem, Any]:
     own = name.endswith(".py")
     found = scenes.from_file(Path(name), settings) if own else scenes.get(name, **settings)
     return (found.problem, found.guess) if isinstance(found, scenes.Scene) else (found, None)
+
+
+def _scenes(**_: Any) -> tuple[str, ...]:
+    """Return what a shell may complete to the name of a scene (of argcomplete)."""
+    from actionopt.scenes import SCENES
+
+    return SCENES
 
 
 def _setting(text: str) -> tuple[str, Any]:
