@@ -92,7 +92,9 @@ def test_one_curve_that_passes_a_place_twice_is_two_answers():
     problem = ao.Problem(
         OSCILLATOR, ao.Event(0, [0.0]), ao.Event(3, [0.4]), through=[ao.Event(None, [1.5])]
     )
-    late = brentq(lambda t: oscillation(0, 1.5, t)[2] + oscillation(1.5, 0.4, 3 - t)[1], 1.6, 1.66)
+    late: Any = brentq(
+        lambda t: oscillation(0, 1.5, t)[2] + oscillation(1.5, 0.4, 3 - t)[1], 1.6, 1.66
+    )
     size = 0.4 / np.sin(3.0)  # the oscillation from 0 to 0.4 in t = 3
     passes = [np.arcsin(1.5 / size), np.pi - np.arcsin(1.5 / size)]
     found = np.sort([cast(float, s.problem.through[0].t) for s in ao.solve_all(problem)])
@@ -110,7 +112,41 @@ def test_rays_far_from_the_line_between_events_above_each_other_are_found():
     length = 1.5 * np.hypot(x - 0.05, x**2 - 6) + np.hypot(x - 0.1, x**2 + 4)
     slope = np.diff(length)
     stationary = x[1:-1][slope[1:] * slope[:-1] < 0]
-    assert sorted(s.problem.through[0].q[0] for s in found) == pytest.approx(stationary, abs=1e-3)
+    places = np.sort([cast(float, s.problem.through[0].q[0]) for s in found])
+    assert places == pytest.approx(stationary, abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("long", [1.0, 2.0])
+def test_closed_orbits_of_an_ellipse_are_a_family(long):
+    """Poncelet: triangles of one length, in the circle the equilateral ones."""
+    wall = ao.Bounce(lambda q, t: 1 - q[0] ** 2 / long**2 - q[1] ** 2)
+    problem = ao.Problem(FREE, ao.Event(0, [None, 0.0]), ao.Periodic(1.0), through=[wall] * 3)
+    with pytest.raises(ao.SolveError) as caught:
+        ao.solve(problem)
+    found = caught.value.solution
+    assert found.status is ao.Status.DEGENERATE and found.inertia.nullity == 1
+
+    def longest(c):  # of triangles with a corner at angle c; along the family it is the same
+        s = np.linspace(0, 2 * np.pi, 721)
+        q = np.array([long * np.cos(s), np.sin(s)])
+        p = np.array([long * np.cos(c), np.sin(c)])
+        sides = np.hypot(*(q - p[:, None]))
+        return (sides[:, None] + sides + np.hypot(*(q[:, :, None] - q[:, None]))).max()
+
+    lengths = [longest(c) for c in (0.3, 1.1)]
+    assert lengths == pytest.approx([np.sqrt(2 * found.action)] * 2, rel=1e-4)
+
+
+@pytest.mark.parametrize("x", [0.1 + 0.2 - 0.3, 1e-20])
+def test_a_coordinate_that_is_round_off_does_not_spoil_the_index(x):
+    """A ball above a flat floor, and above a bowl, the sides of which it could use."""
+    ball = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
+    ends = ao.Event(0, [x, 1.0]), ao.Event(2, [None, 0.5])
+    for steep, index in ((0.0, 0), (1.0, 1)):
+        floor = ao.Bounce(lambda q, t, steep=steep: q[1] - steep * q[0] ** 2)
+        found = ao.solve(ao.Problem(ball, *ends, through=[floor]))
+        assert (found.inertia.index, found.inertia.nullity) == (index, 0)
 
 
 def test_heron_and_snell():

@@ -32,7 +32,7 @@ from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem, diagonal, first_state
 from actionopt.mechanics.system import SWITCHES
 from actionopt.solver.arguments import Guess
-from actionopt.solver.family import may_be_family
+from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.passing_times import lower
 from actionopt.solver.rays import RAY_ROUNDS, Ray, rays
 from actionopt.solver.signals import SIGNALS, status_of
@@ -56,6 +56,7 @@ CURVE_SAMPLES = 400  # times at which a guess is compared with what the events a
 NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
 CLOSED_MOMENTUM = 1e-4  # of the momenta: a larger change where a path closes is a kink
 GRAZING_SPEED = 1e-6  # of the speed, that across a surface which is touched only
+FAMILY_TRIES = 12  # first paths from which a family is sought, if nothing else was found
 SEVERAL = 8  # paths with given integrals of which the least is taken, if none is a minimum
 
 
@@ -81,9 +82,8 @@ def solve_through(
             solution = replace(solution, status=Status.NOT_LEAST)
         if solution.success or solution.status is Status.OUT_OF_TIME:
             return solution, why
-        # One of a family is stationary.
         if best is None or (
-            not best.status.stationary and (solution.status.stationary or (why and not hint))
+            not _is_stationary(best) and (_is_stationary(solution) or (why and not hint))
         ):
             best, hint = solution, why
     if best is None and problem.integral is not None:
@@ -97,6 +97,11 @@ def solve_through(
             "guess, waypoints of shape (n, k + 2): places at all events"
         )
     return best, hint
+
+
+def _is_stationary(solution: Solution) -> bool:
+    """Return whether a path is stationary, as one of a family is."""
+    return solution.status.stationary or solution.status is Status.DEGENERATE
 
 
 def _is_minimum(solution: Solution) -> bool:
@@ -117,15 +122,26 @@ def attempts(
 ) -> Iterator[tuple[Solution, str]]:
     """Yield what came of each first path, and why it is no answer.
 
-    Of `count` first paths of each kind, each answer once, for a search for all of them.
+    Of `count` first paths of each kind, each answer once, for a search for all of them. Where no
+    closed path came of any, the first of them once more: Newton's method is lost in a family.
     """
     seen: list[tuple[Array, Array]] = []
-    for path, times in starts(problem, guess, count, seed):
+    firsts: list[tuple[Path, Array]] = []
+    known = False
+
+    def tries() -> Iterator[tuple[Path, Array, bool]]:
+        for first in starts(problem, guess, count, seed):
+            firsts.append(first)
+            yield *first, False
+        if not known and problem.advance is not None:
+            yield from ((*first, True) for first in firsts[:FAMILY_TRIES])
+
+    for path, times, of_family in tries():
         started = perf_counter()
         run = Unfixed(problem, tol=tol, watch=watch, times=times)
         status = Status.NOT_FOUND
         try:
-            if run.reach(path, None, damped=True):
+            if run.reach_family(path) if of_family else run.reach(path, None, damped=True):
                 if count and _repeats(run, seen):
                     continue
                 status = run.verdict()
@@ -143,11 +159,14 @@ def attempts(
         why = objection(solution) if solution.success else ""
         if why:
             solution = replace(solution, status=Status.NOT_FOUND, error=np.inf)
+        elif solution.success and run.along:
+            solution = judge_family(run, solution)
         elif solution.success and (dimension := _family(run, solution)):
             why = (
                 f"to second order, the paths between the ends are a family of dimension {dimension}"
             )
             solution = replace(solution, status=Status.DEGENERATE)
+        known = known or _is_stationary(solution)
         yield solution, why or run.hint
         if status is Status.OUT_OF_TIME:
             return

@@ -204,7 +204,8 @@ class Unfixed(Workspace[UnfixedPath]):
             if here.tr.order > 1:  # derivatives are not read from values
                 tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
                 return problem, DiscretePath(tr, tr.pack_places(here.tr.place(here.x).places))
-            return problem, DiscretePath.of(problem, here.path, here.rows)
+            # In its own largest values a coordinate that is round-off alone would be as large.
+            return problem, DiscretePath.of(problem, here.path, here.rows, here.tr.lengths)
         problem = over(self.problem, here.mesh.duration)
         if not self.problem.on_surface:
             tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
@@ -309,6 +310,14 @@ class Unfixed(Workspace[UnfixedPath]):
         self.iterate, self.hint = before
         return None
 
+    def reach_family(self, path: Path) -> bool:
+        """Go to a path near a rough one that is one of a family, and hold it along that."""
+        self.here = first = self._around(path, None)
+        try:
+            return self._approach_family(first)
+        except np.linalg.LinAlgError:
+            return False
+
     def _approach_family(self, here: UnfixedPath) -> bool:
         """Go to a path by steps of least norm, and keep the directions of its family there.
 
@@ -330,7 +339,7 @@ class Unfixed(Workspace[UnfixedPath]):
                 across, rank = left.T @ residual, int((values > SINGULAR).sum())
                 step = right[:rank].T @ (across[:rank] / values[:rank])
                 if rank < count and bordered.relative_step(step) < SINGULAR:
-                    here = here.moved(y)
+                    self.here = here = here.moved(y)
                     moved = [here.tr.coordinates(y + d) - here.Q for d in right[rank:]]
                     self.along = tuple(Path(here.mesh, d.T) for d in moved)
                     self.here = self._around(here.path, here.rows)
