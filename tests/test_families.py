@@ -213,6 +213,16 @@ def test_a_rough_circle_leads_to_the_one_of_its_energy(r, points):
     assert found.inertia.nullity == found.inertia.moves == 1
 
 
+def test_the_motion_itself_leads_to_itself_in_a_family():
+    """Newton's method may go to any member of it, to rest as well."""
+    problem = ao.Problem(ISOTROPIC, ao.Event(0.0, None), ao.Periodic(2 * np.pi))
+    circle = ao.solve(
+        problem, guess=lambda t: np.array([np.cos(t), np.sin(t)]), tol=1e-6, throw=False
+    )
+    assert circle.status is ao.Status.DEGENERATE
+    assert np.ptp(circle.path.values, axis=1) == pytest.approx(2.0, abs=0.2)
+
+
 def test_five_points_on_a_circle_lead_to_a_resolved_ellipse():
     """Of a given period the family has all dimensions there are, its size among them."""
     turn = np.linspace(0.0, 2 * np.pi, 5)

@@ -135,6 +135,16 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
     if not np.all(np.isfinite(points)):
         raise ValueError("expected finite waypoints, found NaN or infinity")
     times = np.linspace(t0, t1, points.shape[1])
-    rates = np.gradient(points, times, axis=1, edge_order=min(points.shape[1] - 1, 2))
-    smooth = hermite(times, points, rates)
+    smooth = hermite(times, points, _rates(problem, times, points))
     return lambda mesh: Path.interpolate(smooth, mesh)
+
+
+def _rates(problem: Problem, times: Array, points: Array) -> Array:
+    """Return the rates (n, K) with which a path passes waypoints (n, K), also where it closes."""
+    rates = np.gradient(points, times, axis=1, edge_order=min(points.shape[1] - 1, 2))
+    if problem.advance is not None:
+        order, before = list(problem.order), np.empty(len(points))
+        before[order] = points[:, -2] - problem.advance
+        rates[:, 0] = (points[:, 1] - before) / (2 * (times[1] - times[0]))
+        rates[:, -1] = rates[order, 0]
+    return rates

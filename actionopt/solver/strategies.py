@@ -66,10 +66,9 @@ MEETING_PAIRS, MEETING_ELEMENTS = 32, 48
 MEETING_LOST = 3
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
-# Elements tried before, of a guess and of Newton's method, the first where coordinates are many.
+# Elements tried before, of a guess, and of Newton's method where coordinates are many.
 # Measured on chains, bodies and lattices: half the time and a third of it less, at any tolerance.
-COARSE_GUESS = (2, 4, 8)
-FIRST_FEW = COARSE_GUESS[0]
+COARSE_GUESS, FIRST_FEW = (4, 8), 2
 # Unknowns and rows from which a rough path settles on its surface before Newton's method is tried,
 # which takes three factorizations to fail; ad hoc: from there one takes a seventh of a second.
 SETTLED_FIRST = 20_000
@@ -641,7 +640,7 @@ class Search:
         if curve.mesh is not fine:
             return Status.NOT_FOUND
         hidden = GUESS_RESOLUTION * sizes(curve.values.T, ws.problem.scales)[:, None]
-        for elements in COARSE_GUESS[0 if ws.many_coordinates else 1 :]:
+        for elements in COARSE_GUESS:
             few = curve_of(self._uniform(elements, self._fine_degree()))
             if np.all(np.abs(few.on(fine).values - curve.values) <= hidden):
                 ws.transcribe(few.mesh, few, like=few)

@@ -46,6 +46,7 @@ from actionopt.solver.first_paths import (
     stretch_guess,
 )
 from actionopt.solver.iterate import (
+    AT_REST,
     ROUNDED,
     SAFETY,
     UNKNOWN_GAIN,
@@ -72,6 +73,7 @@ UNREACHED = 1e6  # damping of steps to a family, in squares of the residual, tha
 ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess, and how far it tells a place
 FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a family
 NEAR_GUESS = 0.1  # how far a guess tells a place
+NEAR_FAMILY = 0.5  # of its size, how far a closed path is from a guess of it; ad hoc
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
 # more on spurious paths, such as one that has shrunk to a rest, whose refinement would not end.
 PUSHED, HELD_FORCE = 1e-8, 1.0
@@ -223,8 +225,12 @@ class Unfixed(Workspace[UnfixedPath]):
             return True
         problem = self.problem.loose
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
-        # Newton does not contract on a family of closed paths: the iterate must show that.
-        if not (self.follow() or (damped and self.approach(APPROACHES))):
+        # Newton does not contract on a family of closed paths: the iterate must show that, and not
+        # go to some other member, such as rest.
+        near = NEAR_FAMILY if self.problem.closes else np.inf
+        if not (self.follow(near) or (damped and self.approach(APPROACHES))):
+            return False
+        if np.ptp(self.here.Q, axis=0).max() < AT_REST * np.ptp(path.values, axis=1).max():
             return False
         return problem is self.problem or not self.problem.start.pinned or self._begin(ROUGH)
 
