@@ -7,7 +7,7 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.solver.revisions import stretch_to_end
+from actionopt.solver.revisions import _nearer, stretch_to_end
 
 
 def sphere(q, v):
@@ -87,6 +87,16 @@ def test_a_geodesic_that_is_followed_from_a_nearer_end(principle):
     solution = ao.solve(ao.Problem(plane, *ends), principle=principle, seconds=60)
     assert solution.length == pytest.approx(np.arccosh(1 + (3000**2 + 0.49**2) / 0.01), abs=1e-9)
     assert solution.morse_index == 0
+
+
+def test_a_nearer_question_ends_after_a_part_of_the_way_or_of_the_time():
+    ends = ao.Event(2.0, [1.0]), ao.Event(6.0, [3.0])
+    swing = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    part = _nearer(ao.Problem(swing, *ends), 0.25)
+    assert (part.start, part.end.t, part.end.q) == (ends[0], 3.0, (3.0,))
+    line = ao.System.geodesic(lambda q, v: np.sqrt(v @ v) / q[0], ["x"])
+    part = _nearer(ao.Problem(line, *ends), 0.25)
+    assert (part.start, part.end.t, part.end.q) == (ends[0], 6.0, (1.5,))
 
 
 def test_the_two_ways_around_a_sphere():

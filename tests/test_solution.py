@@ -65,6 +65,11 @@ def test_no_extrapolation(rod, method):
             getattr(rod, method)(t)
 
 
+def test_which_verdicts_are_on_stationary_paths():
+    assert {x.name for x in Status if x.success} == {"SOLVED", "ON_MESH"}
+    assert {x.name for x in Status if x.stationary} == {"SOLVED", "ON_MESH", "FLOOR"}
+
+
 # -- what belongs together ------------------------------------------------------------------------
 
 

@@ -17,7 +17,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Periodic, Problem
 from actionopt.mechanics.system import System
-from actionopt.solver.ipopt import find
+from actionopt.solver.ipopt import DIVERGING_ITERATES, Attempt, find
 from actionopt.tools import interrupts
 
 EPS = np.finfo(float).eps
@@ -502,6 +502,9 @@ def test_running_away_is_seen(side):
     tr = Transcription(problem, Mesh.uniform(0, 5, 4, 6), np.ones(1))
     attempt = find(tr, tr.pack(tr.straight()), "least")
     assert attempt.diverged and not attempt.converged
+    for sign in (1, -1):  # also where Ipopt stopped before it said so
+        far = np.array([0.0, sign * 2 * DIVERGING_ITERATES])
+        assert Attempt(far, "Maximum_Iterations_Exceeded", 5).diverged
     assert find(tr, tr.pack(tr.straight()), "stationary").converged
 
 
