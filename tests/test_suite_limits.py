@@ -95,6 +95,14 @@ def test_a_solver_that_reads_nl_files(tmp_path):
     assert solvers.content(name) != first  # an edited solver is another one
 
 
+def test_a_solver_beside_the_interpreter_is_found(tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match="found no 'solver'"):
+        asl.find("solver")
+    here = program(tmp_path)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    assert asl.find("solver") == here.resolve()
+
+
 def test_bounds_read_back_from_an_nl_file(tmp_path):
     for family in (CEILING, DISC):
         problem = suite.TestProblem(family)

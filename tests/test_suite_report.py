@@ -1,6 +1,7 @@
 """Profiles against hand-made costs, and the report against its records."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,9 @@ from helpers import record
 from actionopt.plot import profiles
 from actionopt.suite import profile
 from actionopt.suite.report import write
+from actionopt.suite.runner import load
+
+PUBLISHED = Path(__file__).parents[1] / "docs" / "suite"
 
 RECORDS = [
     record("a", "p", seconds=1.0, count=10),
@@ -168,3 +172,14 @@ def test_the_report_tells_meshes_starts_and_parameters_apart(tmp_path, monkeypat
     assert "that were not known" in text and "<td>0.5</td>" in text
     assert "<pre>line 7</pre>" in text
     assert "casadi 3" in text
+
+
+@pytest.mark.slow
+def test_what_is_published_is_what_the_records_say(tmp_path, monkeypatch):
+    monkeypatch.setattr(profiles, "save", lambda ax, file: None)
+    records = load(PUBLISHED / "results.jsonl")
+    write(records, tmp_path)
+    for page in ("index.html", "dials.html"):
+        assert (tmp_path / page).read_text() == (PUBLISHED / page).read_text()
+    late = [r for r in records if r["outcome"] == "limit" and r["word"] != "out of memory"]
+    assert late and all(r["processor"] >= r["allowed"] for r in late)

@@ -2,7 +2,8 @@
 
 Results go to a file of JSON lines as they come. What the file has already is not run again, so
 that an interrupted run is resumed by starting it anew: the same solver (its file or its version),
-on the same numbers, on this machine. What ran out of its time or memory is run again with more.
+on the same numbers, on this machine. What ran out of its time or memory is run again with more, and
+what the clock ended before it had used its time is run again.
 """
 
 from __future__ import annotations
@@ -140,6 +141,8 @@ def _holds(record: Mapping[str, Any] | None, bounds: Limits) -> bool:
     """Whether a record answers the question: within these bounds it would come to the same."""
     if record is None:
         return False
+    if record.get("clock"):  # the machine may have less to do now
+        return False
     short = bounds.seconds > record["allowed"] or bounds.memory > record["memory"]
     return not (record["outcome"] == "limit" and short)
 
@@ -166,6 +169,7 @@ def attempt(cell: Cell, limits: Limits) -> dict[str, Any]:
             "outcome": "failed" if short else "limit",
             "word": str(error),
             "processor": error.used,
+            "clock": short or None,
         }
     except process.Died as error:
         outcome = {"outcome": "failed", "word": str(error)[:300]}
