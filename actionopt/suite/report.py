@@ -42,7 +42,7 @@ and take longer.</p>
 <h2>Solvers</h2>
 <p>The time allowed is that of the processor, for one solve; the load is how many programs the
 machine had to run at once, and the clock ran so many times as long as the processor was used (the
-medians). It does not count who waits.</p>
+medians). Who waits is not counted; who shares the processor's caches with others is slower.</p>
 {versions}
 <h2>Problem by problem</h2>
 {matrices}
