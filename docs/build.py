@@ -17,10 +17,12 @@ from html import unescape
 from pathlib import Path
 from urllib.parse import unquote
 
+import notebooks
 from sphinx.cmd.build import build_main
 
 import actionopt as ao
 from actionopt import gallery, plot, scenes, suite
+from actionopt.gallery.course.lessons import BY_NAME
 
 DOCS = Path(__file__).resolve().parent
 TOP = DOCS.parent
@@ -62,6 +64,12 @@ def examples(folder: Path) -> None:
         said, _, code = file.read_text(encoding="utf-8")[3:].partition('"""')
         title, _, rest = said.partition("\n")
         text += f"\n## {title.rstrip('.')}\n{rest}\n```python\n{code.strip()}\n```\n"
+        if file.stem != notebooks.WRITES_PAGES:
+            text += f'\n<a href="notebooks/{file.stem}.ipynb">As a notebook, with its figures</a>\n'
+    lessons = ", ".join(f'<a href="notebooks/{name}.ipynb">{name}</a>' for name in BY_NAME)
+    text += (
+        f"\n## Lessons\n\nThose of the gallery's course as notebooks, with answers: {lessons}.\n"
+    )
     (folder / "course.md").write_text(text)
 
 
@@ -106,6 +114,7 @@ def main() -> int:
         sources(folder)
         options = ["-q", "-W", "--keep-going", "-j", asked.jobs, "-c", str(DOCS)]
         wrong = build_main([*options, "-d", f"{made}/trees", str(folder), str(asked.site)])
+    notebooks.write(asked.site / "notebooks")
     gallery.build(asked.site / "gallery", list(scenes.SCENES)[: asked.scenes])
     dead = dead_links(asked.site)
     print("\n".join(f"leads nowhere: {link}" for link in dead))
