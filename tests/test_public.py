@@ -81,6 +81,7 @@ def objects():
         plot.phasors_data(solved, 0.1),
         *(swept.grid, swept.kept, solved.discrete, CHAIN.parameters),
         *(scene, scene.facts, scenes.Known(QUESTION), scenes.Words("What happens?")),
+        scenes.Measure("area", "m^2"),
         *(rope, suite.FAMILIES["pendulum"], suite.get("pendulum", 2, 2)),
     ]
 

@@ -63,13 +63,13 @@ def _path(s: Subject) -> Rows:
 
 def _action(s: Subject) -> Rows:
     if s.scene.action is not None:
-        yield _numbers("action", s.scene.action, s.solution.action, "J s")
+        yield _numbers("action", s.scene.action, s.solution.action, s.units.action)
 
 
 def _energy(s: Subject) -> Rows:
     if s.scene.facts.energy is not None:
         found = float(s.solution.energy(s.t[0]))
-        yield _numbers("energy function H", s.scene.facts.energy, found, "J")
+        yield _numbers("energy function H", s.scene.facts.energy, found, s.units.energy)
 
 
 def _index(s: Subject) -> Rows:
@@ -80,11 +80,13 @@ def _index(s: Subject) -> Rows:
         found = [p.t for p in s.conjugate for _ in range(p.multiplicity)]
         times = facts.conjugate_times
         for k, (a, b) in enumerate(zip(times[times <= end], found, strict=False)):
-            yield _numbers(say("conjugate time {k}", k=k + 1), float(a), b, "s")
+            yield _numbers(say("conjugate time {k}", k=k + 1), float(a), b, s.units.time)
         later = times[times > end]
         if not found and later.size:
             yield TableRow(
-                "first conjugate time", f"{number(later[0], FACT_DIGITS)} s", "after the end"
+                "first conjugate time",
+                f"{number(later[0], FACT_DIGITS)} {s.units.time}",
+                "after the end",
             )
 
 

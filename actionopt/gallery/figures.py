@@ -11,7 +11,6 @@ import numpy as np
 from actionopt import plot
 from actionopt.gallery.page import escape, number, rounded, typeset
 from actionopt.gallery.subject import Subject, span
-from actionopt.plot import SI
 from actionopt.plot.data.fan import is_aligned
 from actionopt.tools.greek import letter
 from actionopt.tools.words import say
@@ -112,6 +111,10 @@ IF_DRAGGED: Rule = (
     lambda s: s.has_forces,
     "A force takes energy from the motion: H falls, as the energy function shows.",
 )
+IF_LENGTH: Rule = (
+    lambda s: s.scene.measure is not None,
+    "The Lagrangian is no kinetic energy less a potential one.",
+)
 IF_MOVING: Rule = (
     lambda s: s.energies.moving,
     "What is taken from T here depends on the velocities, and so is no potential energy.",
@@ -174,7 +177,7 @@ def _kind(
 
 @_kind("The path among its neighbours", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE)
 def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.bundle(s.solution, figure.subplots(), units=SI)
+    plot.bundle(s.solution, figure.subplots(), units=s.units)
     rise = plot.bundle_data(s.solution).rise
     more, less = int((rise > 0).sum()), int((rise < 0).sum())
     alt = say(
@@ -187,21 +190,23 @@ def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
         "less": less,
         "low": number(rise.min(), 3),
         "top": number(rise.max(), 3),
+        "unit": s.units.action,
     }
     if not less:
         return alt, say(
-            "All {more} neighbours cost more action than the path, by {low} to {top} J s.", **values
+            "All {more} neighbours cost more action than the path, by {low} to {top} {unit}.",
+            **values,
         )
     return alt, say(
-        "{more} neighbours cost more action than the path, up to {top} J s (vermilion); {less} "
-        "cost less, down to {low} J s (blue): it is a saddle.",
+        "{more} neighbours cost more action than the path, up to {top} {unit} (vermilion); {less} "
+        "cost less, down to {low} {unit} (blue): it is a saddle.",
         **values,
     )
 
 
 @_kind("The action along two variations", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_SEVERAL)
 def _slices(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.slices(s.solution, figure.subplots(), units=SI)
+    plot.slices(s.solution, figure.subplots(), units=s.units)
     least = s.solution.kind == "minimum"
     alt = "The action along two variations of the path: both rise like bowls."
     other = "The action along two variations of the path: the first falls both ways."
@@ -219,17 +224,17 @@ def _slices(s: Subject, figure: Any) -> tuple[str, str]:
 
 @_kind("The action as a landscape", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT)
 def _landscape(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.landscape(s.solution, figure.subplots(), units=SI)
+    plot.landscape(s.solution, figure.subplots(), units=s.units)
     rise = plot.landscape_data(s.solution).rise
-    values = {"low": number(-rise.min(), 3), "top": number(rise.max(), 3)}
+    values = {"low": number(-rise.min(), 3), "top": number(rise.max(), 3), "unit": s.units.action}
     if s.solution.kind == "minimum":
         alt = "Contours of the action over two variations; the path is at the bottom of a bowl."
-        words = "The path lies at the bottom of a bowl, whose rim here is up to {top} J s high."
+        words = "The path lies at the bottom of a bowl, whose rim here is up to {top} {unit} high."
     else:
         alt = "Contours of the action over two variations; the path is on a pass."
         words = (
-            "The path lies on a pass: the action falls by up to {low} J s one way and rises by up "
-            "to {top} J s the other."
+            "The path lies on a pass: the action falls by up to {low} {unit} one way and rises by "
+            "up to {top} {unit} the other."
         )
     return f"{say(alt)} {_index(s)}", say(words, **values)
 
@@ -241,11 +246,11 @@ def _index(s: Subject) -> str:
 
 @_kind("Paths from one event", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE)
 def _fan(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.fan(s.solution, figure.subplots(), units=SI)
+    plot.fan(s.solution, figure.subplots(), units=s.units)
     data = plot.fan_data(s.solution)
     ends = data.neighbours[:, :, -1]  # NaN of those that run away
     apart = float(np.nanmax(np.linalg.norm(ends - data.q[:, -1], axis=1)))
-    unit = SI.coordinate(s.solution.problem.system.coordinates[0])
+    unit = s.units.coordinate(s.solution.problem.system.coordinates[0])
     values = {"foci": s.foci, "apart": number(apart, 3), "unit": unit}
     words = (
         "Motions that set out a little differently, up to {apart} {unit} apart in the end; {foci}."
@@ -262,7 +267,7 @@ def _fan(s: Subject, figure: Any) -> tuple[str, str]:
 
 @_kind("The second variation as the path grows", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT)
 def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.spectrum(s.solution, figure.subplots(), units=SI)
+    plot.spectrum(s.solution, figure.subplots(), units=s.units)
     index = s.solution.morse_index
     last = float(plot.spectrum_data(s.solution).eigenvalues[0, -1])
     alt = say(
@@ -282,15 +287,17 @@ def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
 
 @_kind("The motion, as a strobe would show it", IN_MOTION)
 def _motion(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.motion(s.solution, s.scene.draw, figure.subplots(), force=s.arrows, units=SI)
+    plot.motion(s.solution, s.scene.draw, figure.subplots(), force=s.arrows, units=s.units)
     alt = say("{title}, at nine equal times {motion}.", title=say(s.scene.title), motion=s.motion)
+    if not s.units.time:
+        return alt, ""
     step = number(s.duration / 8, 3)
     return alt, say("{step} s from each picture to the next.", step=step)
 
 
 @_kind("The obstacle, and what it presses with", IN_MOTION, UNLESS_TOUCHING, size=(6.4, 6.0))
 def _contact(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
+    plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=s.units)
     parts = ", ".join(
         say("from {a} to {b} s", a=rounded(arc.begin), b=rounded(arc.end))
         for arc in s.solution.contacts
@@ -304,9 +311,9 @@ def _contact(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say("Contact {parts}; elsewhere the force is zero.", parts=parts)
 
 
-@_kind("Kinetic and potential energy", IN_MOTION, IF_DRAGGED, IF_MOVING)
+@_kind("Kinetic and potential energy", IN_MOTION, IF_DRAGGED, IF_LENGTH, IF_MOVING)
 def _energies(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.energies(s.solution, figure.subplots(), kinetic=s.scene.kinetic, units=SI)
+    plot.energies(s.solution, figure.subplots(), kinetic=s.scene.kinetic, units=s.units)
     T, V, t = s.energies.kinetic, s.energies.potential, s.energies.t
     values = {
         "kinetic": number(float(np.trapezoid(T, t)), 4),
@@ -329,7 +336,7 @@ def _energies(s: Subject, figure: Any) -> tuple[str, str]:
 
 @_kind("Energy function and momenta", IN_MOTION, size=(6.4, 5.4))
 def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.conserved(s.solution, figure.subplots(2, sharex=True), units=SI)
+    plot.conserved(s.solution, figure.subplots(2, sharex=True), units=s.units)
     data = plot.conserved_data(s.solution)
     names = ["H", *(letter(name) for name in s.solution.problem.system.coordinates)]
     rows = list(zip(names, data.flat, data.kept, strict=True))
@@ -339,20 +346,24 @@ def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
     if only:
         said += "; " + say("constant on this path alone: {names}", names=only)
     size = float(np.max(np.abs(data.momentum * s.solution.velocity(data.t)))) if data.flat[0] else 0
-    H = span(data.energy, "J", size)
+    H = span(data.energy, s.units.energy, size)
     alt = say("Energy function H, {H}, and momenta against time; {said}.", H=H, said=said)
     return alt, say("H {span}.", span=H)
 
 
 @_kind("Fronts of equal action", IN_MOTION, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE, IF_CONSTRAINED)
 def _fronts(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.wavefronts(s.solution, figure.subplots(), units=SI)
+    plot.wavefronts(s.solution, figure.subplots(), units=s.units)
     alt = say(
         "Lines of equal action from the start, and motions that leave it in other directions; the "
         "path goes {motion}.",
         motion=s.motion,
     )
-    action = say("On the path S is {action} J s in the end.", action=number(s.solution.action, 4))
+    action = say(
+        "On the path S is {action} {unit} in the end.",
+        action=number(s.solution.action, 4),
+        unit=s.units.action,
+    )
     return alt, f"{fronts_caption(s)} {action}"
 
 
@@ -378,14 +389,14 @@ def fronts_caption(s: Subject) -> str:
 
 @_kind("The path, and the motion integrated forward", IN_CHECK, IF_TOUCHING, size=(6.4, 6.0))
 def _path(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
+    plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=s.units)
     found = s.solution.compare()
     most = found.reason or say("at most {x}", x=rounded(found.position, 2))
     alt = say(
-        "Above, the path {motion}, action {action} J s, with the forward integration over it; "
+        "Above, the path {motion}, action {action} {unit}, with the forward integration over it; "
         "below, their deviation on a logarithmic axis, {most}, beside an error estimate of "
         "{error}.",
-        motion=s.motion, action=f"{s.solution.action:.8g}", most=most,
+        motion=s.motion, action=f"{s.solution.action:.8g}", unit=s.units.action, most=most,
         error=rounded(s.solution.error, 2),
     )  # fmt: skip
     law = (
@@ -401,7 +412,7 @@ def _path(s: Subject, figure: Any) -> tuple[str, str]:
 
 @_kind("How it was computed", IN_CHECK, size=(6.4, 5.2))
 def _mesh(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.mesh(s.solution, figure.subplots(2, sharex=True, height_ratios=(3, 2)), units=SI)
+    plot.mesh(s.solution, figure.subplots(2, sharex=True, height_ratios=(3, 2)), units=s.units)
     mesh = s.solution.mesh
     low, high = min(mesh.degrees), max(mesh.degrees)
     degrees = (

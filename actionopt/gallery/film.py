@@ -10,7 +10,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.page import number, rounded
 from actionopt.gallery.subject import Subject
-from actionopt.plot import SI, Motion, landscape_data, motion, motion_data, svg
+from actionopt.plot import Motion, landscape_data, motion, motion_data, svg
 from actionopt.plot._variations import level_lines
 from actionopt.plot.data.relaxation import relaxation_data
 from actionopt.plot.data.variations import over_modes, telling
@@ -38,7 +38,7 @@ def film(subject: Subject) -> str:
     """Return the player of a motion, with its coordinates and energies against the same time."""
     s = subject
     motion = motion_data(s.solution, s.scene.draw, FRAMES, force=s.arrows)
-    data = frames(motion)
+    data = {**frames(motion), "unit": s.units.time}
     data["graphs"] = [*_coordinates(s, motion.t), *_energies(s, motion.t)]
     data["labels_at_start"] = growing(s, motion)
     what = say("Film: {title}, {motion}.", title=say(s.scene.title), motion=s.motion)
@@ -51,7 +51,7 @@ def film(subject: Subject) -> str:
         words.append(say("Arrows on the bodies are forces of constraint."))
     if motion.space:
         words.append(say("Drag the picture, or use the arrow keys, to turn it."))
-    return player(data, what, " ".join(words), clock=True)
+    return player(data, what, " ".join(words), clock=bool(s.units.time))
 
 
 def growing(s: Subject, motion: Motion) -> list[dict[str, Any]]:
@@ -90,11 +90,11 @@ def _coordinates(s: Subject, t: Array) -> list[dict[str, Any]]:
     """Return a graph of the coordinates for each unit they have."""
     names, q = s.solution.problem.system.coordinates, s.solution(t)
     graphs = []
-    for unit in dict.fromkeys(map(SI.coordinate, names)):
+    for unit in dict.fromkeys(map(s.units.coordinate, names)):
         rows = [
             {"name": letter(name), "values": _thin(q[k])}
             for k, name in enumerate(names)
-            if SI.coordinate(name) == unit
+            if s.units.coordinate(name) == unit
         ]
         graphs.append({"unit": unit, "rows": rows[:CURVES]})
     return graphs
@@ -108,8 +108,8 @@ def _energies(s: Subject, t: Array) -> list[dict[str, Any]]:
     far = np.diff(t) * (L[1:] + L[:-1]) / 2
     S = np.r_[0.0, np.cumsum(far)]
     S += (s.solution.action - S[-1]) * np.linspace(0, 1, t.size)  # of trapezes, which miss a little
-    graph: dict[str, Any] = {"unit": "J"}
-    if s.has_forces or not s.energies.moving:
+    graph: dict[str, Any] = {"unit": s.units.energy, "sum": s.units.action}
+    if s.scene.measure is None and (s.has_forces or not s.energies.moving):
         T = s.scene.kinetic(q, v, t) if s.scene.kinetic else L + _potential(s, q, t)
         graph["rows"] = [{"name": "T", "values": _thin(T)}, {"name": "V", "values": _thin(T - L)}]
     else:
@@ -142,7 +142,7 @@ def relaxing(subject: Subject) -> str:
     below = subject.solution.morse_index > 0 and found.action[-1] < found.target_action
     if len(found.action) <= FEWEST_OF_A_FILM or not (found.arrived or below):
         return ""
-    every = slice(None, None, 4)
+    every, unit = slice(None, None, 4), subject.units.action
     t, paths = found.t[every], [q[:, every] for q in (found.target, *found.paths)]
     if solution.problem.system.n == 1:  # against time, in a picture of a fixed shape
         low, high = np.min(paths), np.max(paths)
@@ -156,7 +156,7 @@ def relaxing(subject: Subject) -> str:
         *({"kind": "event", "still": True, "points": [[rows[0][k]]]} for k in (0, -1)),
     ]
     data = {
-        "labels": [together(f"S = {S:.4f} J s") for S in found.action],
+        "labels": [together(f"S = {S:.4f} {unit}") for S in found.action],
         "box": [*(points[0].min(), points[0].max()), *(points[1].min(), points[1].max())],
         "shapes": shapes,
         "trails": [],
@@ -167,22 +167,23 @@ def relaxing(subject: Subject) -> str:
         "last": rounded(found.action[-1], 5),
         "steps": len(found.action) - 1,
         "action": number(found.target_action, 5),
+        "unit": unit,
     }
     reaches = (
-        "Film: a wild path between the events of {title} goes downhill in action, from {first} J s "
-        "to {last} J s in {steps} steps, and reaches the motion, dashed."
+        "Film: a wild path between the events of {title} goes downhill in action, from "
+        "{first} {unit} to {last} {unit} in {steps} steps, and reaches the motion, dashed."
     )
     leaves = (
-        "Film: a wild path between the events of {title} goes downhill in action, from {first} J s "
-        "to {last} J s in {steps} steps, and runs away from the motion, dashed."
+        "Film: a wild path between the events of {title} goes downhill in action, from "
+        "{first} {unit} to {last} {unit} in {steps} steps, and runs away from the motion, dashed."
     )
     there = (
-        "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
-        "reaches the motion (dashed), whose action is {action} J s."
+        "A wild path goes downhill in action, in {steps} steps from {first} to {last} {unit}, and "
+        "reaches the motion (dashed), whose action is {action} {unit}."
     )
     away = (
-        "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
-        "runs away from the motion (dashed), whose action is {action} J s."
+        "A wild path goes downhill in action, in {steps} steps from {first} to {last} {unit}, and "
+        "runs away from the motion (dashed), whose action is {action} {unit}."
     )
     film, words = (reaches, there) if found.arrived else (leaves, away)
     return player(data, say(film, **values), say(words, **values))

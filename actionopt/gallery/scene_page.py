@@ -19,7 +19,7 @@ from actionopt.gallery.texts import Texts, texts, texts_of_own
 from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.system import MULTIPLIERS
 from actionopt.mechanics.written import equations
-from actionopt.plot import SI
+from actionopt.plot._names import units_of
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.tools.formula import formula
 from actionopt.tools.mathml import mathml, symbol
@@ -29,7 +29,7 @@ from actionopt.tools.words import say
 SOLVING = """\
 solution = ao.solve(scene.problem, tol=1e-10, guess=scene.guess)
 
-print("action", solution.action, "J s, error of the path", solution.error)
+print("action", solution.action, "{unit}, error of the path", solution.error)
 print("momenta", *solution.momenta)
 """
 COMPARED = 'print("forward integration leads elsewhere by", solution.compare().position)\n'
@@ -191,7 +191,13 @@ def _live(s: Subject) -> str:
     if s.between or s.solution.problem.integral is not None:
         return f'<p class="section-note">{say(AS_FOUND)}</p>\n'
     try:
-        drawn = figure(s.solution.problem, s.solution, units=SI, draw=s.scene.draw)
+        drawn = figure(
+            s.solution.problem,
+            s.solution,
+            units=s.units,
+            draw=s.scene.draw,
+            measure=s.scene.measure,
+        )
     except ValueError as error:  # a law or an end of one's own that a page cannot compute
         return f'<p class="section-note">{escape(say(NOT_LIVE, reason=error))}</p>\n'
     return f"""<section><h2>{say("The path under your hand")}</h2>
@@ -285,7 +291,8 @@ def _beside(s: Subject) -> str:
 def run(scene: scenes.Scene, words: Texts) -> tuple[str, str, Solution]:
     """Run the program of a scene; return it, what it printed, and its solution."""
     system = scene.problem.system
-    program = f"{words.program}{SOLVING}{TOUCHED if system.r else COMPARED}"
+    solving = SOLVING.replace("{unit}", units_of(scene).action)
+    program = f"{words.program}{solving}{TOUCHED if system.r else COMPARED}"
     program += "" if system.structure.forced else VERDICT
     output, names = io.StringIO(), {"scene": scene}
     with redirect_stdout(output):
@@ -360,11 +367,11 @@ def _events(s: Subject) -> str:
         (
             symbol(name),
             *(number(float(q[k]), digits) for q in places),
-            units.html(SI.coordinate(name)),
+            units.html(s.units.coordinate(name)),
         )
         for k, name in enumerate(names)
     ]
-    at = [say("at {t} s", t=number(x, digits)) for x in t]
+    at = [say("at {t} s" if s.units.time else "at t = {t}", t=number(x, digits)) for x in t]
     title = say("The events") if s.between else say("The two events")
     return table(title, ("", *at, say("unit")), rows)
 
@@ -390,14 +397,15 @@ def _result_part(s: Subject) -> str:
     names, (p0, p1) = solution.problem.system.coordinates, solution.momenta
     H = solution.energy(s.t)
     rows = [
-        (say("action S"), f"{number(solution.action, 12)} J s"),
+        *_measure_row(s),
+        (say("action S"), f"{number(solution.action, 12)} {s.units.action}"),
         (say("estimated error of the path, relative"), number(solution.error, 2)),
         *([] if s.touches else [_deviation(solution)]),
-        (say("energy function H at the start and the end"), _pair(H[0], H[-1], "J")),
+        (say("energy function H at the start and the end"), _pair(H[0], H[-1], s.units.energy)),
         *(
             (
                 say("momentum of {name} at the start and the end", name=symbol(name)),
-                _pair(a, b, SI.momentum(name)),
+                _pair(a, b, s.units.momentum(name)),
             )
             for name, a, b in zip(names, p0, p1, strict=True)
         ),
@@ -411,6 +419,15 @@ def _result_part(s: Subject) -> str:
         ),
     ]  # fmt: skip
     return table(say("Found from the path"), ("", say("value")), rows, kind="numbers")
+
+
+def _measure_row(s: Subject) -> list[tuple[str, str]]:
+    """Return what a scene that is no mechanics measures: the number that its reader wants."""
+    known = s.scene.measure
+    if known is None or not known.name:
+        return []
+    value = number(known.of(s.solution.action, s.duration), 12)
+    return [(say(known.name), f"{value} {units.html(known.unit)}")]
 
 
 def _deviation(solution: Solution) -> tuple[str, str]:

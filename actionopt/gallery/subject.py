@@ -12,7 +12,8 @@ from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.page import rounded
 from actionopt.mechanics.system import System
-from actionopt.plot import SI, Energies, energies_data, motion_data, planar
+from actionopt.plot import Energies, UnitNames, energies_data, motion_data, planar
+from actionopt.plot._names import units_of
 from actionopt.scenes import Scene
 from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
@@ -28,6 +29,11 @@ class Subject:
 
     scene: Scene
     solution: Solution
+
+    @property
+    def units(self) -> UnitNames:
+        """Words for its units."""
+        return units_of(self.scene)
 
     @property
     def has_forces(self) -> bool:
@@ -118,7 +124,8 @@ class Subject:
         """Return coordinates in words, with units, the first four of them."""
         names = self.solution.problem.system.coordinates
         parts = [
-            f"{letter(n)} = {rounded(x)} {SI.coordinate(n)}" for n, x in zip(names, q, strict=True)
+            f"{letter(n)} = {rounded(x)} {self.units.coordinate(n)}"
+            for n, x in zip(names, q, strict=True)
         ]
         more = say(" and {count} more", count=len(parts) - 4) if len(parts) > 4 else ""
         return ", ".join(parts[:4]) + more
@@ -127,12 +134,14 @@ class Subject:
     def motion(self) -> str:
         """What moves from where to where, in words."""
         start, end = (self.event(e.q) for e in (self.solution.start, self.solution.end))
+        if not self.units.time:
+            return say("from {start} to {end}", start=start, end=end)
         return say("from {start} to {end} in {T} s", start=start, end=end, T=rounded(self.duration))
 
     @property
     def foci(self) -> str:
         """When neighbouring paths meet the path again, in words."""
-        times = [f"{rounded(p.t, 4)} s" for p in self.conjugate]
+        times = [f"{rounded(p.t, 4)} {self.units.time}".rstrip() for p in self.conjugate]
         if not times:
             return say("no time before the end is conjugate to the start")
         return say("conjugate to the start: {times}", times=", ".join(times))

@@ -57,7 +57,7 @@ def energies(
     ):
         ax.plot(*style.break_at_events(t, values, solution), **look, label=text)
     style.mark_events(ax, solution)
-    ax.set(xlabel=label("time $t$", units.time), ylabel=label("energy", units.energy))
+    ax.set(xlabel=label(units.clock, units.time), ylabel=label("energy", units.energy))
     S = f"{style.number(solution.action)} {units.action}".rstrip()
     ax.set_title(f"{style.heading(solution)}: $S = \\int ({T_name} - {V_name})\\,dt$ = {S}")
     ax.margins(x=0)
@@ -89,7 +89,7 @@ def conserved(
         ax.plot(*style.break_at_events(data.t, values, solution), **look, label=what)
     above.set_ylabel(label("energy function $H$", units.energy))
     below.set_ylabel(label("momenta $p$", *map(units.momentum, names)))
-    below.set_xlabel(label("time $t$", units.time))
+    below.set_xlabel(label(units.clock, units.time))
     above.set_title(say("{name}: energy and momenta along the path", name=style.heading(solution)))
     work = float(np.max(np.abs(data.momentum * solution.velocity(data.t))))
     for ax, least in ((above, work * data.flat[0]), (below, 0.0)):

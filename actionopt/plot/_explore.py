@@ -31,7 +31,7 @@ from actionopt.plot._explore_parts import (
     fit,
     panels,
 )
-from actionopt.plot._names import NO_UNITS, SI, UnitNames, label
+from actionopt.plot._names import NO_UNITS, UnitNames, label, units_of
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.exploration import Exploration, begin, bend, lasting, restart, to_solution
 from actionopt.plot.data.trial import Trial, knots
@@ -83,7 +83,7 @@ def explore(
     if isinstance(question, Scene):
         problem = question.problem
         guess = question.guess if guess is None else guess
-        units = SI if units is None else units
+        units = units_of(question) if units is None else units
     else:
         problem, units = question, NO_UNITS if units is None else units
     spoken = current()

@@ -147,7 +147,7 @@ class Missing:
             looks[j] = {"color": style.colour(k), "linestyle": (0, (4, 2))}
         self.lines = [ax.plot([], [], **look, linewidth=1.6)[0] for look in looks]
         self.when = ax.axvline(0, color=style.GREY, linewidth=0.8, linestyle=":")
-        ax.set_xlabel(label("time $t$", units.time))
+        ax.set_xlabel(label(units.clock, units.time))
         used = (units.generalized_force(name) for name in names)
         text = r"missing force  $dp/dt - \partial L/\partial q" + (" - Q$" if forced else "$")
         text = label(text, *used)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from actionopt.scenes import Scene
 from actionopt.tools.checks import items
 from actionopt.tools.greek import GREEK, split
 from actionopt.tools.words import say
@@ -30,21 +31,22 @@ class UnitNames:
     length: str = ""
     energy: str = ""
     force: str = ""
+    clock: str = "time $t$"
 
     @property
     def action(self) -> str:
         """Energy times time."""
-        return f"{self.energy} {self.time}" if self.energy else ""
+        return f"{self.energy} {self.time}".strip() if self.energy else ""
 
     def coordinate(self, name: str) -> str:
         """Return the unit of a coordinate."""
-        return ("rad" if _angle(name) else self.length) if self.time else ""
+        return ("rad" if _angle(name) else self.length) if self.length else ""
 
     def momentum(self, name: str) -> str:
         """Return the unit of a coordinate's momentum: action per unit of the coordinate."""
         if _angle(name):
             return self.action
-        return f"{self.force} {self.time}" if self.force else ""
+        return f"{self.force} {self.time}".strip() if self.force else ""
 
     def generalized_force(self, name: str) -> str:
         """Return the unit of the force along a coordinate: a torque along an angle."""
@@ -54,6 +56,20 @@ class UnitNames:
 
 NO_UNITS = UnitNames()
 SI = UnitNames("s", "m", "J", "N")
+PATH_CLOCK = "along the path, $t$"
+
+
+def units_of(scene: Scene) -> UnitNames:
+    """Return the units of a scene: SI's, or of half a squared length, which runs along the path.
+
+    None where it measures nothing that has a name.
+    """
+    if scene.measure is None:
+        return SI
+    if not scene.measure.name:
+        return UnitNames(clock="parameter $t$")
+    base = scene.measure.base
+    return UnitNames("", "m", f"{base}\N{SUPERSCRIPT TWO}", base, PATH_CLOCK)
 
 
 def _angle(name: str) -> bool:

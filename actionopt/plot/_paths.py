@@ -167,7 +167,7 @@ def contact(solution: Solution, ax: Axes | None = None, *, units: UnitNames = NO
     for i, row in enumerate(force):
         what = r"$\nu$" if len(force) == 1 else rf"$\nu_{{{i}}}$"
         ax.plot(t, row, **{**style.PATH, "linewidth": 2.0}, **style.strand(i), label=what)
-    ax.set(xlabel=label("time $t$", units.time), ylabel=label(r"contact force $\nu$"))
+    ax.set(xlabel=label(units.clock, units.time), ylabel=label(r"contact force $\nu$"))
     ax.margins(x=0)
     if len(force) > 1:
         style.legend(ax)
@@ -191,7 +191,7 @@ def deviation(solution: Solution, ax: Axes | None = None, *, units: UnitNames = 
     ):
         if np.isfinite(value) and value > 0:
             ax.axhline(value, **BOUND, linestyle=look, label=text)
-    ax.set(xlabel=label("time $t$", units.time), ylabel=label("relative deviation"))
+    ax.set(xlabel=label(units.clock, units.time), ylabel=label("relative deviation"))
     style.legend_above(ax, 3)
     return ax
 
@@ -269,7 +269,7 @@ def mesh(
         ax.grid(visible=False, axis="x")
     below.set_ylim(0, 1.15 * degrees.max())
     below.yaxis.set_major_locator(MaxNLocator(5, integer=True))
-    below.set(xlabel=label("time $t$", units.time), ylabel=label("degree"))
+    below.set(xlabel=label(units.clock, units.time), ylabel=label("degree"))
     above.set_ylabel(label("coordinates", *map(units.coordinate, names)))
     style.legend(above, beside=True)
     values = {"count": degrees.size, "error": style.number(solution.error, 1)}

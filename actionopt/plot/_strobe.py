@@ -248,5 +248,5 @@ def _times(ax: Axes, data: Motion, strip: Array, units: UnitNames) -> None:
     every = slice(None, None, 2 if at.size > MOST_TIMES else 1)
     axis.set_ticks(at[every], [f"{t:.3g}" for t in data.t[every]])
     axis.set_tick_params(length=0)
-    axis.set_label_text(label("time $t$", units.time))
+    axis.set_label_text(label(units.clock, units.time))
     ax.grid(False)

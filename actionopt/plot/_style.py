@@ -244,7 +244,7 @@ def frame(
         return
     chosen = names if coordinate is None else [names[coordinate]]
     words = ", ".join(label(symbol(name), units.coordinate(name)) for name in chosen)
-    ax.set(xlabel=label("time $t$", units.time), ylabel=words)
+    ax.set(xlabel=label(units.clock, units.time), ylabel=words)
 
 
 def joint_times(solution: Solution) -> Array:

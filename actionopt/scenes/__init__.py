@@ -19,7 +19,7 @@ import numpy as np
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import _scene
 from actionopt.scenes._own import from_file
-from actionopt.scenes._scene import Facts, Known, Scene, Words
+from actionopt.scenes._scene import Facts, Known, Measure, Scene, Words
 from actionopt.scenes._shapes import Shape, body, circle, ground, project, rod, spring
 from actionopt.tools.checks import among
 
@@ -27,6 +27,7 @@ __all__ = [
     "SCENES",
     "Facts",
     "Known",
+    "Measure",
     "Scene",
     "Shape",
     "Words",

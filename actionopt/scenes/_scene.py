@@ -124,6 +124,24 @@ class Words:
     beside: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Measure:
+    """What a scene measures whose Lagrangian is half a squared length: it is no mechanics.
+
+    Along the path its integral is sqrt(2 S T), and in the `unit` of what it is called `factor`
+    times that. `base` is the unit of the length itself.
+    """
+
+    name: str = "length"
+    unit: str = "m"
+    factor: float = 1.0
+    base: str = "m"
+
+    def of(self, action: float, duration: float) -> float:
+        """Return it for the action of a path, in its unit."""
+        return self.factor * float(np.sqrt(2 * action * duration))
+
+
 @dataclass(frozen=True, eq=False)
 class Known:
     """A question, and what is known of its answer.
@@ -185,12 +203,15 @@ class Scene(Known):
         Of (q, v, t): the kinetic energy in a frame at rest, (K,).
     words : Words, optional
         For its page in the gallery.
+    measure : Measure, optional
+        Of one that is no mechanics.
     """
 
     title: str
     draw: Callable[[Array, float], list[Shape]]
     kinetic: Along | None = None
     words: Words = field(default_factory=Words)
+    measure: Measure | None = None
 
     @property
     def name(self) -> str:
@@ -212,6 +233,7 @@ class Setup:
     if it is not given, as it is where the coordinates do not move. `through` are the events between
     the ends, `media` the parameters that each leg has of its own, and `integral` the values of the
     file's integrals; then `exact` is given, and the facts have the times and the multipliers.
+    `measure` is what a file with a `length` measures, if that is not a length.
     """
 
     coordinates: Sequence[str]
@@ -226,6 +248,7 @@ class Setup:
     through: Sequence[Event] = ()
     media: Sequence[Mapping[str, float]] = ({},)
     integral: Sequence[float] | None = None
+    measure: Measure | None = None
 
 
 def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
@@ -278,6 +301,7 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
         draw=found.draw,
         kinetic=found.kinetic or kinetic,
         words=file.WORDS,
+        measure=found.measure or (Measure() if hasattr(file, "length") else None),
     )
 
 

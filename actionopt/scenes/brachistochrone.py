@@ -11,7 +11,7 @@ square of that length per unit of the parameter, which is then the time, up to a
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "the curve of quickest descent"
@@ -50,6 +50,7 @@ def scene(*, h=1.0, R=0.5, g=9.81, first=0.5, last=2.6, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("time of descent", "s", 1 / np.sqrt(2 * g * h)),
         draw=lambda q, t: [ground((0.0, 0.0), (2 * np.pi * R, 0.0)), body((q[0], -q[1]))],
         exact=curve(place),
         facts=Facts(

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 from actionopt.tools.types import Array
 
@@ -70,6 +70,7 @@ def scene(*, R=1.0, d=1.0, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("area", "m^2", 2 * np.pi * R),
         draw=lambda q, t: [
             ground((0.0, -R), (0.0, R)),
             ground((d, -R), (d, R)),

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "a chain hung low, a part of it on the floor"
@@ -78,6 +78,7 @@ def scene(*, c=0.5, heights=(1.0, 0.7), apart=3.0, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure(""),
         draw=lambda q, t: [
             ground((0.0, 0.0), (apart, 0.0)),
             ground((0.0, heights[0])),

@@ -17,7 +17,7 @@ import numpy as np
 
 from actionopt.mechanics.events import Event
 from actionopt.scenes._legs import leg_of
-from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 from actionopt.scenes.brachistochrone import length
 
@@ -73,6 +73,7 @@ def scene(*, h=1.0, R=0.5, g=9.81, first=0.5, gate=1.6, wide=0.9, last=2.0, dura
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("time of descent", "s", 1 / np.sqrt(2 * g * h)),
         draw=lambda q, t: [
             ground((0.0, 0.0), (2 * x, 0.0)),
             ground((x, 0.15 - y), (x, 0.03 - y)),

@@ -12,7 +12,7 @@ arrives at a right angle, as light does on a wave front.
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words
+from actionopt.scenes._scene import Facts, Measure, Setup, Words
 from actionopt.scenes._shapes import body, ground
 from actionopt.scenes.brachistochrone import length
 from actionopt.scenes.brachistochrone import scene as cycloid
@@ -52,6 +52,7 @@ def scene(*, h=1.0, R=0.5, g=9.81, first=1.0, lean=0.2, duration=1.0):
     return Setup(
         found.coordinates,
         duration,
+        measure=Measure("time of descent", "s", 1 / np.sqrt(2 * g * h)),
         draw=lambda q, t: [
             ground((0.0, 0.0), (x, 0.0)),
             ground(*wall),

@@ -12,7 +12,7 @@ it is easier to leave beside the axis than along it.
 
 import numpy as np
 
-from actionopt.scenes._scene import Setup, Words
+from actionopt.scenes._scene import Measure, Setup, Words
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "the way out of a well, by noise"
@@ -47,6 +47,7 @@ def scene(*, w=1.0, a=1.0, beta=10.0, duration=7.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure(""),
         draw=lambda q, t: [ground((0.0, -a), (0.0, a)), ground((a, 0.0)), body(q)],
         ends=((-a, 0.0), (0.0, 0.0)),
         guess=guess,

@@ -12,7 +12,7 @@ of a sphere of radius a, seen in a stereographic projection.
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, conjugates, curve
 from actionopt.scenes._shapes import body, circle, ground
 
 TITLE = "light in Maxwell's fish-eye"
@@ -48,6 +48,7 @@ def scene(*, a=1.0, tilt=0.5, angle=2.5, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("optical length"),
         draw=lambda q, t: [circle(a), ground((0.0, 0.0)), body(q)],
         exact=curve(place),
         facts=Facts(

@@ -10,7 +10,7 @@ its paths are the geodesics of the optical metric. M is half the hole's radius.
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words
+from actionopt.scenes._scene import Facts, Measure, Setup, Words
 from actionopt.scenes._shapes import body, circle
 
 TITLE = "light around a black hole"
@@ -41,6 +41,7 @@ def scene(*, M=1.0, r=20.0, angle=3.3, duration=1.0):
     return Setup(
         ["r", "phi"],
         duration,
+        measure=Measure("optical length"),
         draw=lambda q, t: [circle(2 * M), body((q[0] * np.cos(q[1]), q[0] * np.sin(q[1])))],
         ends=((r, 0.0), (r, angle)),
         facts=Facts(

@@ -13,7 +13,7 @@ parameter.
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "a mirage over a hot road"
@@ -76,6 +76,7 @@ def scene(*, h=0.5, low=0.1, first=-1.5, last=2.0, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("optical length"),
         draw=lambda q, t: [ground((1.2 * first, 0.0), (1.2 * last, 0.0)), body(q)],
         exact=curve(place),
         guess=curve(guess),

@@ -18,7 +18,7 @@ import numpy as np
 
 from actionopt.mechanics.events import Bounce, Event
 from actionopt.scenes._legs import about, leg_of, rays, rough
-from actionopt.scenes._scene import Facts, Setup, Words
+from actionopt.scenes._scene import Facts, Measure, Setup, Words
 from actionopt.scenes._shapes import body, circle
 
 TITLE = "the ray of the rainbow in a drop"
@@ -73,6 +73,7 @@ def scene(*, n=1.333, R=1.0, b=0.0, far=1.5, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("optical length"),
         draw=lambda q, t: [circle(R), body(q)],
         exact=exact,
         guess=rough(points),

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "a rope of given length"
@@ -81,6 +81,7 @@ def scene(*, h=1.0, c=0.7, low=1.0, left=0.9, right=1.2, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure(""),
         draw=lambda q, t: [
             ground((0.0, 0.0), (left + right, 0.0)),
             ground((0.0, height(-left))),

@@ -17,7 +17,7 @@ import numpy as np
 
 from actionopt.mechanics.events import Event
 from actionopt.scenes._legs import leg_of, rays
-from actionopt.scenes._scene import Facts, Setup, Words
+from actionopt.scenes._scene import Facts, Measure, Setup, Words
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "light through water and glass"
@@ -58,6 +58,7 @@ def scene(*, n=1.0, water=1.33, glass=1.6, angle=1.0, above=0.8, d=0.5, below=0.
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("optical length"),
         draw=lambda q, t: [ground((0.0, 0.0), (x[3], 0.0)), ground((0.0, -d), (x[3], -d)), body(q)],
         exact=exact,
         media=[{"n": float(index)} for index in indices],

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "a film of soap round a given volume"
@@ -61,6 +61,7 @@ def scene(*, R=1.0, d=1.2, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("area", "m^2", 2 * np.pi * R),
         draw=lambda q, t: [
             ground((0.0, -R), (0.0, R)),
             ground((d, -R), (d, R)),

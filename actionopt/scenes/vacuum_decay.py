@@ -12,7 +12,7 @@ grows (Coleman).
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "bounce of a false vacuum"
@@ -46,6 +46,7 @@ def scene(*, m=1.0, k=1.0, a=0.1, b=0.2, duration=4.0):
     return Setup(
         ["x"],
         duration,
+        measure=Measure(""),
         draw=lambda q, t: [ground((0.0, 0.0), (duration, 0.0)), body((t, q[0]))],
         exact=curve(lambda t: [x(t)]),
         facts=Facts(velocity=curve(lambda t: [-w * (w * t + b) * x(t)]), morse_index=1),

@@ -10,7 +10,7 @@ back (Randers). L below is half its square per unit of the parameter.
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, Words
+from actionopt.scenes._scene import Facts, Measure, Setup, Words
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "the quickest course in a current"
@@ -42,6 +42,7 @@ def scene(*, w=0.8, across=0.6, along=2.0, duration=1.0):
     return Setup(
         ["x", "y"],
         duration,
+        measure=Measure("time", "s", base="s"),
         draw=lambda q, t: [
             ground((0.0, 0.0), (along, 0.0)),
             ground((0.0, across), (w * across, across)),

@@ -12,14 +12,14 @@ from actionopt import __version__
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
-from actionopt.plot._names import NO_UNITS, SI, UnitNames
+from actionopt.plot._names import NO_UNITS, UnitNames, units_of
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import Draw
 from actionopt.plot.live.data import check, data
 from actionopt.plot.live.drawing import drawing
 from actionopt.plot.live.film import STATIC
 from actionopt.plot.live.words import words as spoken
-from actionopt.scenes import Scene
+from actionopt.scenes import Measure, Scene
 from actionopt.solver.arguments import Guess
 from actionopt.solver.solve import solve
 from actionopt.tools.document import document
@@ -83,9 +83,10 @@ def whole(
     """Return the page as text; `above` is HTML that leads elsewhere. Raises as `page` does."""
     title = heading_of(question)
     problem = question.problem if isinstance(question, Scene) else question
+    measure = question.measure if isinstance(question, Scene) else None
     if isinstance(question, Scene):
         draw, guess = draw or question.draw, question.guess if guess is None else guess
-        units = SI if units is None else units
+        units = units_of(question) if units is None else units
     units = NO_UNITS if units is None else units
     check_whole(problem, "a page that solves")
     check(problem)
@@ -98,8 +99,8 @@ def whole(
     code = "\n".join(f"<script>\n{text}</script>" for text in scripts)
     body = f"""<main>
 {above}<header class="title"><h1>{escape(title)}</h1>
-<p class="lead">{escape(_sentence(problem, units))}</p></header>
-{figure(problem, solution, units=units, draw=draw)}
+<p class="lead">{escape(_sentence(problem, units, measure))}</p></header>
+{figure(problem, solution, units=units, draw=draw, measure=measure)}
 </main>
 <footer class="site"><p>{made}</p></footer>
 {code}"""
@@ -122,14 +123,20 @@ def figure(
     name: str = "",
     shown: bool = False,
     arrows: bool = False,
+    measure: Measure | None = None,
 ) -> str:
     """Return the live figure of a problem as HTML; it needs `SCRIPTS` and the style.
 
     `name` tells it from others on a page; `shown` is whether the motion is seen from the start,
-    and with `arrows` the sum over paths is all that is. Raises ValueError as `data` does.
+    and with `arrows` the sum over paths is all that is. `measure` is what its S stands for, if that
+    is no action. Raises ValueError as `data` does.
     """
     found: dict[str, Any] = {"name": name or problem.name, **data(problem, solution, units)}
     found["words"] = spoken()
+    if measure is not None:
+        name = say(measure.name) if measure.name else ""
+        unit = measure.unit.replace("^2", "\N{SUPERSCRIPT TWO}")
+        found["measure"] = {"name": name, "unit": unit, "factor": measure.factor}
     if draw is not None:
         found["picture"] = drawing(solution, draw)
     text = json.dumps(found, separators=(",", ":")).replace("</", "<\\/")
@@ -141,7 +148,7 @@ def figure(
 </figure>"""
 
 
-def _sentence(problem: Problem, units: UnitNames) -> str:
+def _sentence(problem: Problem, units: UnitNames, measure: Measure | None) -> str:
     """Return what is asked, in words."""
 
     def at(q: Sequence[float | None]) -> str:
@@ -154,6 +161,12 @@ def _sentence(problem: Problem, units: UnitNames) -> str:
             "anywhere"
         )
 
+    if measure is not None:
+        return say(
+            "From {start} to {end}: of all the ways between, for which is S stationary?",
+            start=at(problem.start.q),
+            end=at(problem.end.q),
+        )
     return say(
         "From {start} to {end} in {T}: of all the paths between, which is the motion?",
         start=at(problem.start.q),

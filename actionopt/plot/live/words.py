@@ -9,6 +9,7 @@ PAGE_WORDS = {
     "lagrangian": "L along the path",
     "alpha": "S along the present bend",
     "missing": "Missing force",
+    "lacking": "What is missing in the equation of the path",
     "square": "the area is S; one square is {x}",
     "solve": "Solve",
     "relax": "Relax",

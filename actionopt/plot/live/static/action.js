@@ -543,6 +543,22 @@ globalThis.actionopt = (() => {
       return { S, error, noise: 4 * Number.EPSILON * whole };
     }
 
+    // The integral of sqrt(2 L), where L is half a squared length, and how far a finer mesh has another.
+    way(Q) {
+      const along = (A, P) => {
+        const q = new Float64Array(A.n), v = new Float64Array(A.n);
+        let sum = 0;
+        for (let e = 0; e < A.elements; e++)
+          for (let k = 0; k <= A.degree; k++) {
+            A.place(P, e, k, q, v);
+            sum += A.half(e) * A.data.rule.weights[k] * Math.sqrt(2 * A.first.at([q, v, [A.time(e, k)], A.p])[0][0]);
+          }
+        return sum;
+      };
+      const fine = this.split(), long = along(this, Q);
+      return { long, error: Math.abs(long - along(fine, this.carried(Q, fine))) };
+    }
+
     // S(Q) - S(P) by its gradient between them, where the difference is lost in round-off.
     between(P, Q) {
       const { nodes, weights } = this.data.rule, by = Q.map((x, i) => x - P[i]);

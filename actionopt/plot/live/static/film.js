@@ -105,7 +105,7 @@
       area[0].setAttribute("points", shaded(k, s, true));
       if (area[1]) area[1].setAttribute("points", shaded(k, s, false));
       const S = data.area[k] + s * (data.area[k + 1] - data.area[k]);
-      sum.textContent = `${words.so_far}: ${minus(S.toPrecision(3))}\u00a0J\u00a0s`;
+      sum.textContent = `${words.so_far}: ${minus(S.toPrecision(3))}\u00a0${(data.sum ?? "").replace(/ /g, "\u00a0")}`;
     }
     return { draw, show };
   }

@@ -279,7 +279,7 @@
     const pathPanel = new Panel(left, W.path, "path", (w) => Math.min(370, 0.6 * w + 60));
     const energyPanel = forced ? null : new Panel(left, W.lagrangian, "lagrangian", (w) => Math.min(240, 0.35 * w + 70));
     const alphaPanel = forced ? null : new Panel(right, W.alpha, "alpha", (w) => Math.min(330, 0.75 * w + 40));
-    const missingPanel = new Panel(data.picture && !forced ? left : right, W.missing, "missing", (w) => Math.min(forced && !data.picture ? 370 : 220, 0.5 * w + 40));
+    const missingPanel = new Panel(data.picture && !forced ? left : right, data.measure ? W.lacking : W.missing, "missing", (w) => Math.min(forced && !data.picture ? 370 : 220, 0.5 * w + 40));
     const picture = data.picture ? new Picture(right, W, data.picture) : null;
     const all = [pathPanel, alphaPanel, energyPanel, missingPanel, picture].filter(Boolean);
     const numbers = data.parameters.length ? html(figure, "details") : null;
@@ -418,7 +418,11 @@
         let b = bend(), at = 1;
         if (size(b) < 1e-7) { b = ripple(1); at = 0; bare = true; }
         const from = base(), curve = [], lost = sums.noise > HIDDEN * extent;
-        const along = (a) => { const Q = plus(from, a, b); return Q ? (lost ? A.between(from, Q) : S(Q)) : NaN; };
+        const along = (a) => {
+          const Q = plus(from, a, b);
+          if (!Q || (data.measure?.name && !Number.isFinite(A.way(Q).long))) return NaN; // lengths have no square below zero
+          return lost ? A.between(from, Q) : S(Q);
+        };
         const count = held === null ? CURVE : A.m ? 11 : 21; // paths are moved onto a surface one by one
         for (let k = 0; k < count; k++) { const a = REACH * ((2 * k) / (count - 1) - 1); curve.push([a, along(a)]); }
         const h = 1e-4, slope = (a) => { // S may be large, and its gradient small
@@ -466,7 +470,12 @@
       if (own && Math.abs(rise) < sums.noise / HIDDEN) rise = A.between(motion.Q, trial);
       // The place of the last digit that is known, and of those that matter.
       const place = (off) => 10 ** Math.ceil(Math.log10(Math.max(2 * off, extent * 10 ** -DIGITS)) - 1e-9), last = place(sums.error + sums.noise);
-      const text = [["S", `S = ${unit(to(value, last), units.action)}`]];
+      const text = [];
+      if (data.measure?.name) { // what its reader wants
+        const { name, unit: word, factor } = data.measure, { long, error } = A.way(trial), size = factor * long;
+        text.push(["S", `${name} = ${unit(to(size, 10 ** Math.ceil(Math.log10(Math.max(2 * factor * error, size * 10 ** -DIGITS)) - 1e-9)), word)}`]);
+      }
+      text.push(["S", `S = ${unit(to(value, last), units.action)}`]);
       if (!forced && own) {
         const off = place(sums.noise > HIDDEN * extent ? sums.noise * HIDDEN : sums.error + own.error + sums.noise), by = unit(to(Math.abs(rise), off), units.action);
         const name = sentences.said("compared", { rise, error: off / 2 });
