@@ -139,7 +139,7 @@ def test_closed_orbits_of_an_ellipse_are_a_family(long):
 
 
 @pytest.mark.parametrize("x", [0.1 + 0.2 - 0.3, 1e-20])
-def test_a_coordinate_that_is_round_off_does_not_spoil_the_index(x):
+def test_a_coordinate_that_is_round_off_does_not_spoil_the_index(x, tmp_path):
     """A ball above a flat floor, and above a bowl, the sides of which it could use."""
     ball = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
     ends = ao.Event(0, [x, 1.0]), ao.Event(2, [None, 0.5])
@@ -147,6 +147,8 @@ def test_a_coordinate_that_is_round_off_does_not_spoil_the_index(x):
         floor = ao.Bounce(lambda q, t, steep=steep: q[1] - steep * q[0] ** 2)
         found = ao.solve(ao.Problem(ball, *ends, through=[floor]))
         assert (found.inertia.index, found.inertia.nullity) == (index, 0)
+    found.save(tmp_path / "ball.npz")
+    assert ao.load(tmp_path / "ball.npz", ball).morse_index == 1
 
 
 def test_heron_and_snell():

@@ -12,7 +12,7 @@ from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem
 from actionopt.tools.types import Array
 
 
@@ -43,11 +43,16 @@ class DiscretePath:
     ) -> DiscretePath:
         """Return a path of `problem` on its own mesh, with multipliers lam (K, m) or none.
 
-        The units are the coordinates' largest values on the way, unless `lengths` (n,) are given.
+        The units are the coordinates' largest values on the way, or one where these are round-off,
+        unless `lengths` (n,) are given.
         """
         if lengths is None:
             largest = np.max(np.abs(path.values), axis=1)
-            lengths = np.where(largest > 0, largest, 1.0)
+            negligible = NEGLIGIBLE * largest.max()
+            zero = largest <= negligible
+            if (zero & (largest > 0)).any():  # round-off, unless the events say so
+                zero &= (largest == 0) | (problem.scales > negligible)
+            lengths = np.where(zero, 1.0, largest)
         tr = Transcription(problem, path.mesh, lengths)
         return cls(tr, tr.pack(path.values.T, lam))
 

@@ -206,8 +206,7 @@ class Unfixed(Workspace[UnfixedPath]):
             if here.tr.order > 1:  # derivatives are not read from values
                 tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
                 return problem, DiscretePath(tr, tr.pack_places(here.tr.place(here.x).places))
-            # In its own largest values a coordinate that is round-off alone would be as large.
-            return problem, DiscretePath.of(problem, here.path, here.rows, here.tr.lengths)
+            return problem, DiscretePath.of(problem, here.path, here.rows)
         problem = over(self.problem, here.mesh.duration)
         if not self.problem.on_surface:
             tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
