@@ -16,7 +16,7 @@ ASKED = "from actionopt.cli import main; main()"
     [
         ("actionopt so", {"solve"}),
         ("actionopt solve kepler_s", {"kepler_spherical"}),
-        ("actionopt sweep pendulum --wo", {"--workers"}),
+        ("actionopt sweep pendulum --jo", {"--jobs"}),
     ],
 )
 def test_commands_options_and_scenes_are_completed(line, expected, tmp_path):

@@ -35,7 +35,7 @@ def add_to(command: argparse.ArgumentParser) -> None:
     add("--over", type=_over, action="append", required=True, **look)
     add("--tol", type=float, default=1e-8, help="bound on the relative error of each path (1e-8)")
     add("--index", action="store_true", help="count the index of each path")
-    one_of("--workers", type=int, metavar="N", help="processes (1)")
+    one_of("--jobs", type=int, metavar="N", help="processes (1)")
     one_of("--dask", metavar="ADDRESS", help="of the scheduler of a Dask cluster")
     what = "try again what is not found, as long as it takes; also of a sweep that --out wrote"
     add("--retry", nargs="?", const=True, type=_file_of_runs, metavar="FILE.npz", help=what)
@@ -85,8 +85,8 @@ def run(options: argparse.Namespace) -> int:
     over = {name: np.linspace(*row) for name, row in options.over}
     if len(over) < len(options.over):
         raise ValueError("expected each name once after --over; an axis has one row of values")
-    if options.workers is not None and options.workers < 1:
-        raise ValueError(f"expected one worker or more, found {options.workers}")
+    if options.jobs is not None and options.jobs < 1:
+        raise ValueError(f"expected one job or more, found {options.jobs}")
     if (
         options.out
         and ready(options.out, ".npz", ".nc").suffix == ".nc"
@@ -140,12 +140,12 @@ def _executor(options: argparse.Namespace) -> Iterator[Any]:
             ) from error
         with distributed.Client(options.dask) as client:
             yield client.get_executor()
-    elif (options.workers or 1) > 1:
+    elif (options.jobs or 1) > 1:
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
 
         context = get_context("spawn")
-        with ProcessPoolExecutor(options.workers, context, leave_interruptions) as pool:
+        with ProcessPoolExecutor(options.jobs, context, leave_interruptions) as pool:
             yield pool
     else:
         yield None
