@@ -290,7 +290,7 @@ def test_several_optima_are_all_stationary():
         problem = suite.get(name)
         assert problem.others, name
         for other in problem.others:
-            assert problem.residual(other.x) <= ROUND_OFF
+            assert problem.residual(other.x) <= 100 * ROUND_OFF  # some are nearly degenerate
             assert problem.distance(other.x) > 1e-2
             assert problem.objective(other.x) == pytest.approx(other.f, rel=1e-14)
             H, J = dense(problem, least(problem, other.x), other.x)

@@ -56,8 +56,8 @@ def run(target: str, *arguments: Any, limit: float, processor: float | None = No
     limit : float
         Seconds, the process's start included; then it is ended with all its children.
     processor : float, optional
-        Seconds of processor time of the process and its children, from its start or the last
-        `count_anew`; then it is ended as well. Read from outside, where the system has /proc: a
+        Seconds of processor time of the process and its children since its last `count_anew`, if it
+        calls that; then it is ended as well. Read from outside, where the system has /proc: a
         bound that the system sets changes what some programs do.
 
     Raises
@@ -88,9 +88,10 @@ def run(target: str, *arguments: Any, limit: float, processor: float | None = No
                     _, said = process.communicate(timeout=max(pause, 0.0))
                 except subprocess.TimeoutExpired:
                     used = _processor_time_of(process.pid)
-                    if used is not None and mark.is_file():
-                        used -= float(mark.read_text() or 0.0)
-                    if processor is not None and used is not None and used > processor:
+                    begun = used is not None and mark.is_file()
+                    if used is not None and begun:
+                        used -= float(mark.read_text())
+                    if begun and processor is not None and used is not None and used > processor:
                         raise Overrun(f"no answer in {processor:g} s", used) from None
                     if left <= POLL:
                         raise Overrun(f"no answer in {limit:g} s of the clock", used) from None
