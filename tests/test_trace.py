@@ -422,3 +422,17 @@ def test_what_no_event_gives_does_not_vary(vary):
     ends = ao.Event(0, [0, 0]), ao.Event(1, [3, 0])
     with pytest.raises(ValueError, match="expected"):
         trace(ao.Problem(FREE, *ends, through=between), vary, 1.0)
+
+
+@pytest.mark.parametrize("w", [3e-3, 1e-4])
+def test_a_pulse_that_moves_is_not_lost_by_the_mesh(w):
+    """S = 1/2 + E t - E G(t, s) / 2 for t and s in the pulse, G Green's function of x''."""
+
+    def lagrangian(q, v, t, *, c):
+        return v[0] ** 2 / 2 + q[0] * np.exp(-(((t - c) / w) ** 2)) / (w * np.sqrt(np.pi))
+
+    system = ao.System(lagrangian, ["x"], parameters={"c": 0.4})
+    found = ao.trace(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), "c", 0.6)
+    c = np.array(found.values)
+    exact = 0.5 + c - (c - c**2 - w / np.sqrt(2 * np.pi)) / 2
+    assert found.actions == pytest.approx(exact, abs=1e-7)

@@ -65,8 +65,8 @@ class BranchPoint:
 
 
 def switches_of(problem: Problem) -> tuple[Instant, ...]:
-    """Return where elements are to end: where laws switch by the clock, and at given events."""
-    return problem.boundaries if problem.through else problem.instants
+    """Return where elements are to end: where laws switch by the clock, at pulses and events."""
+    return problem.instants if problem.has_tails else problem.boundaries
 
 
 @dataclass(eq=False)

@@ -25,12 +25,15 @@ from actionopt.discrete.arclength import Branch, BranchPoint, switches_of
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import times_of
 from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
+from actionopt.solver.refine import ROUNDS, split
 from actionopt.solver.solve import Guess, solve
 from actionopt.solver.through import objection
 from actionopt.solver.window import with_window_of
@@ -271,6 +274,8 @@ class _TraceRun:
                 at = {"value": there.s, "action": self._action(there), "index": index}
                 progress("trace", len(self.points), steps, at)
             if beyond is not None:
+                if self._misses(there.at.tr, there.at.z):
+                    self._refine()
                 ends = {self.goal: "the goal", self.origin: "the first value again"}
                 self.stopped = f"it reached {ends[beyond]}"
                 return
@@ -373,12 +378,20 @@ class _TraceRun:
 
     def _refine(self) -> None:
         """Go on with a finer mesh, or larger units, where the last point asks for it."""
+        for _ in range(ROUNDS):
+            if not self._refine_once():
+                return
+
+    def _refine_once(self) -> bool:
+        """Whether the last point asked for a finer mesh or larger units, and has them."""
         point = self.points[-1]
         tr, Q = point.at.tr, point.at.Q
         sizes = np.max(np.abs(Q), axis=0)
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
+        if mesh is None and self._misses(tr, point.at.z):
+            mesh = split(tr, point.at.z)
         if mesh is None and not np.any(sizes > GROWN_UNITS * tr.lengths):
-            return
+            return False
         self.meshes += mesh is not None
         mesh = mesh or tr.mesh
         self.solves += self.branch.solves
@@ -387,6 +400,15 @@ class _TraceRun:
         sign = np.sign(point.direction[-1])
         del self.points[-1], self.indices[-1]
         self._set(point.at.problem, point.path.on(mesh), rows, lengths, point.s, sign)
+        return mesh is not tr.mesh
+
+    def _misses(self, tr: Transcription, z: Array) -> bool:
+        """Whether forces that depend on the time, summed over other points, move the path."""
+        structure = tr.problem.system.structure
+        if not (structure.samples and structure.depends_on_time):
+            return False
+        step = Factors(tr.layout, tr.kkt(z)).solve(tr.quadrature_defect(z)[0])
+        return tr.relative_step(step) > self.tol
 
     # -- what changes on the way ----------------------------------------------------------------
 

@@ -17,8 +17,10 @@ from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import SHORTEST, cheapest_mesh
+from actionopt.discrete.transcription import Transcription
 from actionopt.solver.iterate import SAFETY, amplification
 from actionopt.solver.workspace import MEASURABLE, Workspace
+from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
 ROUNDS = 20
@@ -77,11 +79,11 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
                     return Status.JUMP
                 if off is None and ws.here.error <= tol:
                     return Status.SOLVED
-                mesh = _split(ws) if off is None else _cut(here.mesh, off)
+                mesh = split(here.tr, here.z) if off is None else _cut(here.mesh, off)
                 stalled += 1
             else:
                 stalled = stalled + 1 if missed > last / 2 else 0
-                mesh = _split(ws)
+                mesh = split(ws.here.tr, ws.here.z)
             # What is left may be the round-off of times or coordinates; many average it out.
             if error > tol and (stalled or _size(ws, mesh) > AVERAGING_SIZE):
                 misread = here.misread()
@@ -181,9 +183,9 @@ def _cut(mesh: Mesh, off: Imbalance) -> Mesh:
     return mesh.cut(since, np.array(mesh.degrees)[np.searchsorted(b, middle) - 1])
 
 
-def _split(ws: Workspace) -> Mesh:
+def split(tr: Transcription, z: Array) -> Mesh:
     """Return the mesh with those elements cut whose forces are missed."""
-    mesh, cuts = ws.here.mesh, ws.here.tr.cuts(ws.here.z)
+    mesh, cuts = tr.mesh, tr.cuts(z)
     long = mesh.lengths > SHORTEST * mesh.duration
     cuts = [inner if enough else inner[:0] for inner, enough in zip(cuts, long, strict=True)]
     parts = [np.append(b, inner) for b, inner in zip(mesh.since, cuts, strict=False)]
