@@ -323,3 +323,15 @@ def test_a_sparse_matrix_with_a_border(monkeypatch, kind):
     factors = Factors(layout, nonzeros)
     assert np.max(np.abs(dense @ factors.solve(right) - right)) <= 1e-9 * np.max(np.abs(dense))
     assert factors._direct is not None  # nothing full was made
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("kind", ["plain", "sphere"])
+def test_the_inertia_of_a_sparse_matrix_with_a_border(monkeypatch, kind, sign):
+    monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+    layout, nonzeros, dense = matrix_of(kind, ("sparse", 12))
+    B, D = np.random.default_rng(7).normal(size=(layout.size, 3)), sign * np.eye(3)
+    layout, nonzeros = border_matrix(layout, nonzeros, B, B.T, D)
+    dense = np.block([[dense, B], [B.T, D]])
+    assert Factors(layout, nonzeros).negative() == np.sum(np.linalg.eigvalsh(dense) < 0)

@@ -34,6 +34,7 @@ from actionopt.discrete.bordered import Bordered, equations_of
 from actionopt.discrete.borders import Rows, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, full
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -182,6 +183,25 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     Wright, *Numerical Optimization* (2nd ed. 2006), theorem 16.3), on the mesh of the path. Raises
     ValueError as `inertia` does.
     """
+    equations, z = equations_of(at.problem.asked or at.problem, at)
+    return _on_its_mesh(at, equations, z, tolerance_of(error))
+
+
+def inertia_on_surfaces(at: DiscretePath, error: float) -> Inertia:
+    """Return the index and nullity of a path between surfaces as `inertia_through` does.
+
+    Where `inertia_asked` refines the mesh until it resolves all Jacobi fields, to be sure.
+    """
+    rows = at.rows if at.tr.layout.rows else None
+    lam = None if rows is None else np.nan_to_num(rows)
+    bordered, y = Bordered.around(at.problem.asked or at.problem, at.path, lam, at.tr.lengths)
+    return _on_its_mesh(at, bordered, y, tolerance_of(error))
+
+
+def _on_its_mesh(
+    at: DiscretePath, equations: Bordered | Transcription, z: Array, tolerance: float
+) -> Inertia:
+    """Return the inertia of the derivative of the equations of a path on its mesh."""
     problem, tr = at.problem, at.tr
     if problem.system.structure.forced:
         form(at)  # raises
@@ -192,11 +212,9 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
             "condition), found one that is not along the path: infinitely many variations lower "
             "the action, and no index counts them"
         )
-    equations, z = equations_of(problem.asked or problem, at)
     layout, matrix, kinetic = equations.layout, equations.kkt(z), equations.kinetic(z)
     borders = equations.borders if isinstance(equations, Bordered) else ()
     multipliers = sum(border.multipliers for border in borders)
-    tolerance = tolerance_of(error)
 
     def below(mu: float) -> int:
         return Factors(layout, matrix - mu * kinetic).negative() - layout.rows - multipliers

@@ -209,6 +209,8 @@ class Factors:
             return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
         if layout.storage == "blocks":
             return self._condensed_blocks.negative()
+        if isinstance(layout, BorderedLayout):
+            return _Edged(layout, self.nonzeros).negative()
         if layout.keeps_factors:
             return self._kept_solver.negative()
         matrix, solver = _matrix(layout, _regular(layout, self.nonzeros)), _solver(layout, "ldl")
@@ -390,17 +392,15 @@ class _Edged:
 
     def __init__(self, layout: BorderedLayout, nonzeros: Array) -> None:
         inner, (K, R, C, D) = layout.inner, layout.split(nonzeros)
-        self._size = n = inner.size
+        self._layout, self._size = inner, inner.size
+        n = inner.size
         springs, pattern = _largest(R[: inner.unknowns]), inner.kkt
-        size = np.abs(K).max()
+        self._spring = size = np.abs(K).max()
         held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
-        K = K + size * held
-        self._inner = (
-            SparseFactors(inner, K).solve
-            if inner.needs_no_pivoting
-            else partial(_solver(inner, "qr"), K)
-        )
-        E = np.zeros((n, springs.size))
+        self._held = K = K + size * held
+        self._factors = SparseFactors(inner, K) if inner.needs_no_pivoting else None
+        self._inner = self._factors.solve if self._factors else partial(_solver(inner, "qr"), K)
+        E, self._springs = np.zeros((n, springs.size)), springs.size
         E[springs, np.arange(springs.size)] = 1.0
         beside = np.concatenate([R, -size * E], axis=1)
         self._across = np.concatenate([C, E.T])
@@ -420,6 +420,18 @@ class _Edged:
         other[:edges] = right[n:]
         y = np.linalg.solve(self._corner, other - self._across @ x)
         return np.concatenate([x - self._carried @ y, y[:edges]])
+
+    def negative(self) -> int:
+        """Return the number of negative eigenvalues of the whole, if that is symmetric.
+
+        With w = -z and rows of springs times s it is [K R sE; R' D 0; sE' 0 s], which has those of
+        the whole, and those of K and of what is left of it besides (Haynsworth).
+        """
+        corner, k = self._corner.copy(), self._springs
+        corner[len(corner) - k :] *= self._spring
+        corner[:, len(corner) - k :] *= -1.0
+        inner = self._factors or Factors(self._layout, self._held)
+        return inner.negative() + int(np.sum(np.linalg.eigvalsh((corner + corner.T) / 2) < 0))
 
 
 def _largest(columns: Array) -> NDInt:

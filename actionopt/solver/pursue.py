@@ -16,6 +16,7 @@ from itertools import islice
 
 import numpy as np
 
+from actionopt.analysis.index import inertia_on_surfaces
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
@@ -43,7 +44,7 @@ def first(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     for found in pursue(problem, guess, choices):
         rank = np.inf
         if found[0].success:
-            several = problem.on_surface and choices.principle != "stationary"
+            several = problem.on_surface and guess is None and choices.principle != "stationary"
             rank = _index(found[0]) if several else 0
         if best is None or rank < least:
             best, least = found, rank
@@ -157,9 +158,9 @@ def _oscillations(problem: Problem) -> list[Path]:
 
 
 def _index(solution: Solution) -> int:
-    """Return the index of a path; 0 where there is none to count."""
+    """Return the index of a path between surfaces; 0 where there is none to count."""
     with suppress(ValueError, np.linalg.LinAlgError):
-        return solution.morse_index
+        return inertia_on_surfaces(solution.discrete, solution.error).index
     return 0
 
 
