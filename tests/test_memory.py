@@ -13,7 +13,7 @@ from actionopt.tools.memory import give_back
 TOGETHER = """
 import resource
 import numpy as np
-import actionopt
+from actionopt import solve
 
 def faults():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt

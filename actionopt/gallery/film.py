@@ -20,7 +20,7 @@ from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
 from actionopt.tools.words import say, together
 
-FEWEST_OF_A_FILM = 10  # of a film
+FEWEST_OF_A_FILM = 10  # steps; ad hoc: fewer show no way down
 FILM_WIDTH = 1.5  # of the height, for one coordinate against time
 GHOSTS = 6  # times in the small picture
 FILM_GAP = 0.3  # between films on one clock
