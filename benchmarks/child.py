@@ -31,12 +31,12 @@ def row(target: str, *arguments: Any, limit: float = LIMIT) -> dict:
 def measured(target: str, *arguments: Any) -> tuple[Any, int]:
     """Call the function in this process."""
     work = process.function(target)
-    before = _peak()
+    before = peak()
     value = work(*arguments)
-    return value, _peak() - before
+    return value, peak() - before
 
 
-def _peak() -> int:
+def peak() -> int:
     """Return the largest resident memory of this process so far, in bytes."""
     status = Path("/proc/self/status")
     if status.exists():  # the other way counts the parent's memory too

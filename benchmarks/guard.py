@@ -1,9 +1,10 @@
-"""Guard the speed: ratios of times to scipy's `solve_bvp`, against those kept in a file.
+"""Guard the speed: ratios of times to scipy's `solve_bvp`, and to solves of what is beside them.
 
     python -m benchmarks.guard            # compare; exit status 1 if slower
     python -m benchmarks.guard --update   # keep today's ratios as the baseline
 
-Ratios on one machine in one run are steadier than times; a slowdown by `SLACK` is reported.
+They are compared with those kept in a file. Ratios on one machine in one run are steadier than
+times; a slowdown by `SLACK` is reported.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import statistics
 from pathlib import Path
 
 from actionopt.tools.files import write
+from benchmarks import beside
 from benchmarks.runner import Bench
 
 FILE = Path(__file__).with_name("baseline.json")
@@ -50,18 +52,22 @@ def _time(bench: Bench, peer: str, case: str, kind: str) -> float:
     return reply["time"]
 
 
+def _against(name: str) -> str:
+    return "the solve" if name.endswith("beside") else "solve_bvp"
+
+
 def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--update", action="store_true")
     options = parser.parse_args()
-    now = ratios()
+    now = ratios() | beside.guards()
     before = json.loads(FILE.read_text()) if FILE.exists() else {}
     slower = []
     for name, ratio in now.items():
         old = before.get(name)
         print(
-            f"{name:24s} {ratio:7.2f} times as fast as solve_bvp"
+            f"{name:28s} {ratio:7.2f} times as fast as {_against(name)}"
             + (f", {old:.2f} in the baseline" if old else "")
         )
         if old and ratio < old / SLACK:

@@ -5,7 +5,7 @@ from itertools import product
 import pytest
 from helpers import a_quarter
 
-from benchmarks import floor, peers, worker
+from benchmarks import beside, floor, peers, worker
 
 NAMES = ("pendulum_energy", "orbit", "kink", "fish_eye")
 PEERS = ("actionopt_", "scipy_bvp", "dop853", "ipopt_alone")
@@ -38,3 +38,21 @@ def test_a_cold_solve_takes_longer_than_what_casadi_alone_takes_of_it():
     assert min(parts) > 0 and sum(parts) < ours
     nodes, iterates = map(int, shown.split(" x "))
     assert nodes > 8 and 2 < iterates < 20
+
+
+def test_the_page_of_what_stands_beside_a_solve_says_what_failed_and_gives_powers():
+    family = "masses of a lattice"
+    rows = {
+        ("analysis", family, "index", n): {
+            "solve": 0.002,
+            "time": 0.001 * n**2,
+            "ratio": n**2 / 2,
+            "memory": 1e6 * n,
+            "status": "",
+        }
+        for n in (10, 40, 160)
+    }
+    page = beside.page({**rows, ("kind", "free end", 2, 1e-6): {"status": "no answer in 60 s"}})
+    assert f"| {family} | index | 40 | 2 | 1.6e+03 | 800 | 40 |" in page
+    assert f"| {family} | index | 2.0 | 1.0 |" in page
+    assert "| free end | 2 | 1e-06 | no answer in 60 s |" in page
