@@ -203,3 +203,16 @@ def test_a_rod_that_winds_once_is_found_from_its_shape(kappa, p, action, index):
     assert found.action == pytest.approx(action, abs=1e-9)
     assert found.integral_multipliers == pytest.approx(np.array(kappa), rel=1e-9)
     assert found.morse_index == index
+
+
+def test_a_soap_film_that_is_a_cylinder():
+    """A coordinate that does not change: longer than 2 pi it is a saddle (Plateau, Rayleigh)."""
+    film = ao.System(
+        lambda q, v, t: 2 * np.pi * q[0] * np.sqrt(1 + v[0] ** 2),
+        ["r"],
+        integral=lambda q, v, t: np.pi * q[0] ** 2,
+    )
+    ends = ao.Event(0, [1.0]), ao.Event(7, [1.0])
+    found = ao.solve(ao.Problem(film, *ends, integral=7 * np.pi))
+    assert found.action == pytest.approx(14 * np.pi)
+    assert found.morse_index == 1

@@ -44,7 +44,8 @@ def first(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     for found in pursue(problem, guess, choices):
         rank = np.inf
         if found[0].success:
-            several = problem.on_surface and guess is None and choices.principle != "stationary"
+            several = problem.on_surface and not problem.is_joined  # of those one comes
+            several &= guess is None and choices.principle != "stationary"
             rank = _index(found[0]) if several else 0
         if best is None or rank < least:
             best, least = found, rank

@@ -226,10 +226,12 @@ class Unfixed(Workspace[UnfixedPath]):
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
         # Newton does not contract on a family of closed paths: the iterate must show that, and not
         # go to some other member, such as rest.
-        near = NEAR_FAMILY if self.problem.closes else np.inf
+        closes = self.problem.closes
+        near = NEAR_FAMILY if closes else np.inf
         if not (self.follow(near) or (damped and self.approach(APPROACHES))):
             return False
-        if np.ptp(self.here.Q, axis=0).max() < AT_REST * np.ptp(path.values, axis=1).max():
+        moved = np.ptp(self.here.Q, axis=0).max()
+        if closes and moved < AT_REST * np.ptp(path.values, axis=1).max():
             return False
         return problem is self.problem or not self.problem.start.pinned or self._begin(ROUGH)
 
