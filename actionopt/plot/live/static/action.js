@@ -583,8 +583,14 @@ globalThis.actionopt = (() => {
       return sum;
     }
 
-    // Kind and index of the action at a path.
+    // Kind and index of the action at a path; degenerate too where a finer mesh counts otherwise.
     index(Q) {
+      const fine = this.split(), at = this.carried(Q, fine), here = this.signs(Q);
+      const same = fine.project(at) && fine.signs(at).index === here.index;
+      return same ? here : { ...here, kind: "degenerate" };
+    }
+
+    signs(Q) {
       const planes = this.planes(Q), g = this.gradient(Q), lam = this.m ? this.multipliers(g, planes) : null;
       const A = this.within(this.hessian(Q, lam), planes), N = this.offsets(planes)[this.count];
       const kinetic = this.within(this.hessian(Q, null, true), planes);

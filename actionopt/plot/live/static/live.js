@@ -75,6 +75,7 @@
       this.box = html(parent, "div", { class: `panel ${look}` });
       this.title = html(this.box, "p", { class: "panel-title" }, title);
       this.svg = element(this.box, "svg");
+      put(this.svg, { role: look === "path" ? "group" : "img", "aria-label": title }); // handles are in that of the path
       this.height = height;
       this.back = element(this.svg, "g", "back");
       const clip = element(this.svg, "clipPath");
@@ -487,6 +488,7 @@
       const doubt = Math.max(sums.error / extent, own ? motion.off : 0), green = doubt < TRUSTED && (motion.known || !shown);
       const why = green ? filled(W.trusted, { x: written(Math.max(doubt, Number.EPSILON), 1) }) : W.coarse;
       put(light, { class: green ? "light green" : "light", "aria-label": why, title: why });
+      output.setAttribute("aria-live", held === null && busy === null ? "polite" : "off"); // not at each pixel
       output.replaceChildren(...text.map(([look, words]) => { const part = document.createElement("span"); part.className = look; part.textContent = words; return part; }));
       const lean = (x, digits) => unit(Math.abs(x) < 1e-7 * extent ? "0" : written(x, digits), units.action);
       const [here, there] = (slopes ?? []).map((x) => lean(x, 2));
