@@ -29,7 +29,14 @@ ROOMS = {"ao": ao, "plot": plot, "scenes": scenes, "suite": suite}
 # What functions of the package return, and users do not make.
 ANSWERS = {
     *(f"ao.{name}" for name in ao.__all__ if name[0].isupper()),
-    *("scenes.Facts", "scenes.Known", "scenes.Scene", "scenes.Words", "suite.Family"),
+    *(
+        "scenes.Facts",
+        "scenes.Known",
+        "scenes.Measure",
+        "scenes.Scene",
+        "scenes.Words",
+        "suite.Family",
+    ),
     *(f"plot.{name}" for name in plot.__all__ if name[0].isupper()),
 } - {f"ao.{name}" for name in ("Event", "Mesh", "Path", "Periodic", "Problem", "State", "System")}
 # What Python says of arguments that are missing, too many, unknown, or no place in a sequence.
