@@ -449,7 +449,25 @@ def _():
     )
 
 
-@refuses("closed", "obstacle", says="expected an Event as the end of a path along an obstacle")
+@solves("closed", "obstacle", "clock")
+def _():
+    """A string of the weight 1 + pi / 2 cos t over a floor: it lifts off from pi / 2 to 3 pi / 2."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2 + (1 + np.pi / 2 * np.cos(t)) * q[0],
+        ["y"],
+        obstacle=lambda q, t: q[0],
+    )
+
+    def known(t):
+        u = t - np.pi / 2
+        lifted = u**2 / 2 - np.pi / 2 * (np.cos(t) + u)
+        return np.where(np.abs(t - np.pi) < np.pi / 2, lifted, 0.0)
+
+    sol = check(ao.Problem(system, ao.Event(0, [None]), ao.Periodic(2 * np.pi)), known, T=2 * np.pi)
+    assert [arc.begin for arc in sol.contacts] == pytest.approx([0, 3 * np.pi / 2], abs=KNOWN)
+
+
+@refuses("closed", "obstacle", says="expected a clock, or an Event as the end")
 def _():
     ao.Problem(disc(), ao.Event(0, [None, None]), ao.Periodic(1.0))
 

@@ -288,10 +288,11 @@ class Problem:
                 f"{self.start.t} and {self.end.t}: no motion tends to rest there that is known "
                 "beyond a window; give finite times"
             )
-        if isinstance(self.end, Periodic):
+        if self.closes:
             raise ValueError(
-                "expected an Event as the end of a path along an obstacle, found a Periodic end: "
-                "closed paths do not know contact; give the end a time and coordinates"
+                "expected a clock, or an Event as the end, of a path along an obstacle, found a "
+                "Periodic end and a Lagrangian that does not depend on the time: such a path may "
+                "begin anywhere along itself; give the end a time and coordinates"
             )
         check_rows(self.system)
         if self.free_time:

@@ -42,7 +42,7 @@ NO_ROOM = "no path outside of the obstacle was found: its rows may contradict ea
 def sideways(problem: Problem) -> Array:
     """Return a direction (n,) across the straight line, coordinates in units of `measures`."""
     n, sizes = problem.system.n, 2.0 ** measures(problem.lengths)
-    mesh = Mesh.uniform(problem.start.t, problem.end.t, 1, 1)
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, 2, 1)
     Q = Transcription(problem, mesh, problem.lengths).straight()
     along, side = (Q[-1] - Q[0]) / sizes, np.cos(np.arange(1.0, 1.0 + n))
     if along.any():
