@@ -385,11 +385,16 @@ def _():
     ao.Problem(double_well(), ao.Event(0, [-1.0]), ao.Periodic(INF))
 
 
-@refuses("infinite time", "surface", says="expected finite times where an event lies on a surface")
+@solves("infinite time", "surface")
 def _():
-    ao.Problem(
-        double_well(), ao.Event(-INF, [-1.0]), ao.Event(0, [None], on=lambda q, t: q[0] - 0.5)
-    )
+    """Away from rest by x = a exp t, y = b exp 2 t to x + y = 1: S = (a^2 + 2 b^2) / 2 is least."""
+    hill = ao.System(lambda q, v, t: (v @ v + q[0] ** 2 + 4 * q[1] ** 2) / 2, ["x", "y"])
+    end = ao.Event(0, [None, None], on=line())
+    sol = ao.solve(ao.Problem(hill, ao.Event(-INF, [0.0, 0.0]), end))
+    t = np.linspace(-5, 0, 20)
+    known = np.array([2 * np.exp(t), np.exp(2 * t)]) / 3
+    assert sol(t) == pytest.approx(known, abs=KNOWN)
+    assert sol.action == pytest.approx(1 / 3, rel=KNOWN) and sol.morse_index == 0
 
 
 @refuses("infinite time", "obstacle", says="expected finite times of a path along an obstacle")
@@ -412,9 +417,40 @@ def _():
     assert sol(t)[0] == pytest.approx(1 / np.cosh(t), abs=KNOWN)
 
 
-@refuses("infinite time", "force", says="expected")
+@solves("infinite time", "force")
 def _():
-    ao.solve(ask(dragged(), [1], [0], INF))
+    """Drag that turns a push aside: q' = W q, of the motions of the linear equations that decay."""
+    drag, stiff = np.array([[1.0, 0.7], [-0.3, 0.5]]), np.array([[1.0, 0.2], [0.2, 3.0]])
+    system = ao.System(
+        lambda q, v, t: (v @ v + q @ (stiff @ q)) / 2, ["x", "y"], force=lambda q, v, t: -(drag @ v)
+    )
+    rates, motions = np.linalg.eig(np.block([[np.zeros((2, 2)), np.eye(2)], [stiff, -drag]]))
+    decaying = rates.real < 0
+    rates, motions = rates[decaying], motions[:, decaying]
+    start = [1.0, -0.5]
+    share = np.linalg.solve(motions[:2], start)[:, None]
+    sol = ao.solve(ask(system, start, [0, 0], INF))
+    t = np.linspace(0, 20, 81)
+    known = motions @ (share * np.exp(rates[:, None] * t))
+    assert sol(t) == pytest.approx(known[:2].real, abs=KNOWN)
+    # int L dt = sum share_i share_j (v_i.v_j + q_i.stiff q_j) / 2 / -(rate_i + rate_j)
+    q, v = motions[:2] * share[:, 0], motions[2:] * share[:, 0]
+    both = -(rates[:, None] + rates)
+    action = ((v.T @ v + q.T @ stiff @ q) / 2 / both).sum().real
+    assert sol.action == pytest.approx(action, rel=KNOWN)
+
+
+@refuses(
+    "infinite time",
+    "force",
+    "given times",
+    says="at single values of a parameter",
+    because="what is left of the energy does not come to rest at the other equilibrium",
+)
+def _():
+    law = lambda q, v, t: (v @ v + q @ q) / 2  # noqa: E731
+    system = ao.System(law, ["x"], force=lambda q, v, t: -v)
+    ao.solve(ao.Problem(system, ao.Event(-INF, [0.0]), ao.Event(INF, [0.0])))
 
 
 @solves("infinite time", "mesh")

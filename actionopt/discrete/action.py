@@ -107,7 +107,7 @@ class Action:
         nodal = tuple(term.node for term in self.nodal)
         if problem.on_surface or problem.through:
             at = zip(self.joints.tolist(), problem.joints_found, strict=True)
-            nodal = tuple(node for node, event in at if event.on is not None)
+            nodal += tuple(node for node, event in at if event.on is not None)
         self.layout = layout_for(problem, mesh, nodal)
         self.counts: Counter[str] = Counter()
         self.watch: Callable[[int], None] | None = None  # called with each second derivative

@@ -49,8 +49,8 @@ def _curvatures(tr: Action, z: Array) -> Array:
     A, B, C = tr.second(z[: tr.layout.unknowns])
     stiff = tr.memoize_if_constant("contributions", lambda: _stiffness(tr, C))
     nodal = [term.matrix[np.triu_indices(len(term.matrix))] for term in tr.nodal]
-    if not nodal:  # as on surfaces, which are beside the action
-        nodal = [np.zeros(len(tr.layout.nodal) * tr.lengths.size * (tr.lengths.size + 1) // 2)]
+    beside = len(tr.layout.nodal) - len(nodal)  # as on surfaces, which are beside the action
+    nodal.append(np.zeros(beside * tr.lengths.size * (tr.lengths.size + 1) // 2))
     parts = [*nodal, (tr.weight * A).ravel(), *_mixed_weights(tr, B, diagonal_twice=True), stiff]
     curvature = tr.constraint_curvature(z)
     return np.concatenate(parts if curvature is None else [*parts, curvature.ravel()])

@@ -21,7 +21,8 @@ from actionopt.tools.types import Array
 class Term:
     """linear.eta + eta.matrix eta / 2, eta = q - center at a node between elements.
 
-    `boundary` is the node's number among those, `phase` whether it chooses the origin of time.
+    `boundary` is the node's number among those, `phase` whether it chooses the origin of time, and
+    `action` what it is of the action where the derivative, linear + matrix eta, is no gradient.
     """
 
     node: int
@@ -30,11 +31,13 @@ class Term:
     linear: Array
     matrix: Array
     phase: bool = False
+    action: tuple[Array, Array] | None = None
 
     def value(self, q: Array) -> float:
         """Return it for coordinates q (n,)."""
         eta = q - self.center
-        return float(self.linear @ eta + eta @ self.matrix @ eta / 2)
+        linear, matrix = self.action or (self.linear, self.matrix)
+        return float(linear @ eta + eta @ matrix @ eta / 2)
 
     def gradient(self, q: Array) -> Array:
         """Return its derivative by them, (n,)."""
@@ -52,7 +55,8 @@ def terms(problem: Problem, mesh: Mesh) -> tuple[Term, ...]:
         if rest is not None:
             node = int(mesh.offsets[k])
             sign = -float(rest.side)
-            found.append(Term(node, k, rest.q, sign * rest.p, sign * rest.slope))
+            pull = sign * rest.p, sign * rest.slope
+            found.append(Term(node, k, rest.q, *pull, action=rest.action))
     phase = problem.start.phase if isinstance(problem.start, Tail) else None
     if phase is not None:
         k = int(np.argmin(np.abs(mesh.boundaries - phase.t)))

@@ -751,11 +751,6 @@ def _check_surfaces(problem: Problem) -> None:
             "expected a closed path to begin anywhere, or at a coordinate that is given, found a "
             "start on a surface; give a coordinate (Event(t, [None, 0.0])), or an end of its own"
         )
-    if problem.is_infinite or problem.has_tails:
-        raise ValueError(
-            "expected finite times where an event lies on a surface, found an infinite one; give "
-            "both events finite times"
-        )
     both = problem.free_time and problem.start.t is None and problem.end.t is None
     for role, event in (("start", ends[0]), ("end", ends[1])):
         on, free = event.on, [i for i, x in enumerate(event.q) if x is None]

@@ -8,6 +8,10 @@ to the stable subspace of the linearised flow
 pi = K eta with a symmetric K; those that come from it, to the unstable one. A path that stays on it
 from a time on has there v = W eta, W = C^-1 (K - B'), and its action above rest on the way is
 -(p.eta + eta.K eta / 2), the opposite where it comes from: a term that depends on where it is then.
+Non-conservative forces Q(q, v) add Q_q to A and Q_v to B in pi', K is not symmetric, and the action
+beyond is no potential of the momentum: with W' M + M W = -(A + B W + W'B' + W'C W) it is
+
+    int L dt = -(p + W^-T L_q).eta + eta.M eta / 2.
 
 References: Lentini and Keller, *SIAM J. Numer. Anal.* 17 (1980) 577-604; Beyn, *IMA J. Numer.
 Anal.* 10 (1990) 379-405.
@@ -44,6 +48,8 @@ class Rest:
         Coordinates and momenta at rest.
     slope, rates : (n, n) arrays
         p = self.p + slope eta, v = rates eta, eta = q - self.q.
+    action : (n,) and (n, n) arrays
+        What lies beyond is action[0].eta + eta.action[1] eta / 2 above rest.
     mass : (n, n) array
         L_vv at rest.
     slow, fast : float
@@ -57,6 +63,7 @@ class Rest:
     p: Array
     slope: Array
     rates: Array
+    action: tuple[Array, Array]
     mass: Array
     slow: float
     fast: float
@@ -101,47 +108,68 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
     names, given = system.coordinates, q
     second, first = system.pointwise("second"), system.pointwise("first")
     v, now = np.zeros((1, system.n)), np.array([[t]])
-    if system.m or system.structure.forced:
+    if system.m:
         raise ValueError(
-            "expected a system without constraints or forces for an event at infinite time, found "
-            "one with: use coordinates in which there are none, or give a finite time"
+            "expected a system without constraints for an event at infinite time, found one with: "
+            "use coordinates in which there are none, or give a finite time"
         )
+    work, forces = np.zeros((2, system.n, system.n)), []  # Q_q and Q_v; what pushes there
     for _ in range(REST_STEPS):
-        force = first(q[None], v, now, packed)[0][0].copy()
+        pull = force = first(q[None], v, now, packed)[0][0].copy()
         values = [x.copy() for x in second(q[None], v, now, packed)]
         A, B, C = (second.full(i, values[i], symmetric=i != 1)[0] for i in range(3))
-        if not all(np.isfinite(x).all() for x in (force, A, B, C)):
+        if system.structure.forced:
+            by = system.pointwise("force_jacobian")
+            work = np.stack([by.full(i, x)[0] for i, x in enumerate(by(q[None], v, now, packed))])
+            force = pull + system.pointwise("force")(q[None], v, now, packed)[0][0]
+        forces.append(force)
+        whole = A + work[0]
+        if not all(np.isfinite(x).all() for x in (force, whole, B + work[1], C)):
             raise ValueError(
                 "expected a Lagrangian that is finite, with its derivatives, where the path comes "
                 f"from or tends to in infinite time, found NaN or infinity at rest at q = {given}; "
                 "give a finite time by which it is all but at rest, and there coordinates a little "
                 "beside it, such as Event(t, q + 1e-9), and a guess"
             )
-        step = np.linalg.lstsq(A, force, rcond=None)[0]
+        step = np.linalg.lstsq(whole, force, rcond=None)[0]
         q = q - step
         if np.abs(step).max() <= 1e-15 * max(np.abs(q).max(), 1e-300):
             break
     size = np.maximum(np.abs(given), np.abs(q))
     size = np.where(size > 0, size, 1.0)
-    off = np.abs(force) > NEAR_REST * (np.abs(A) @ size)
+    off = np.abs(force) > NEAR_REST * (np.abs(whole) @ size)
     if off.any() or np.any(np.abs(q - given) > NEAR_REST * size):
-        at = first(given[None], v, now, packed)[0][0]
         near = "" if off.any() else f"; one is near {q.tolist()}"
         raise ValueError(
             "expected an equilibrium where a path comes from or tends to in infinite time, found "
-            f"the generalized forces {at.tolist()} at rest at q = {given.tolist()}{near}"
+            f"the generalized forces {forces[0].tolist()} at rest at q = {given.tolist()}{near}"
         )
     momentum, L = (x[0].copy() for x in first(q[None], v, now, packed)[1:])
-    slope, rates, decay = _subspace(A, B, C, side, names)
-    return Rest(side, q, momentum, slope, rates, C, decay.min(), decay.max(), float(L[0]))
+    slope, rates, decay = _subspace(whole, B, work[1], C, side, names)
+    action = -side * momentum, -side * slope
+    if system.structure.forced:
+        action = _action(pull, momentum, (A, B, C), rates, side)
+    known = slope, rates, action, C
+    return Rest(side, q, momentum, *known, decay.min(), decay.max(), float(L[0]))
+
+
+def _action(
+    pull: Array, momentum: Array, second: tuple[Array, ...], rates: Array, side: int
+) -> tuple[Array, Array]:
+    """Return the action beyond as `Rest` has it, of motions at the `rates` W, L_q = `pull`."""
+    (A, B, C), W, one = second, rates, np.eye(pull.size)
+    bent = A + B @ W + (B @ W).T + W.T @ C @ W
+    both = np.kron(W.T, one) + np.kron(one, W.T)
+    M = np.linalg.solve(both, -side * bent.ravel()).reshape(bent.shape)
+    return -side * (momentum + np.linalg.solve(W.T, pull)), M
 
 
 def _subspace(
-    A: Array, B: Array, C: Array, side: int, names: tuple[str, ...]
+    A: Array, B: Array, drag: Array, C: Array, side: int, names: tuple[str, ...]
 ) -> tuple[Array, Array, Array]:
     """Return slope and rates (n, n) of the stable (side 1) or unstable subspace.
 
-    And how fast its motions decay, (n,).
+    And how fast its motions decay, (n,). Forces change with q in A, and with v by `drag` (n, n).
     """
     n = len(A)
     try:
@@ -155,7 +183,8 @@ def _subspace(
     # In units in which both parts of the matrix are of one size.
     unit = np.sqrt(np.abs(np.diagonal(C)))
     unit = np.where(unit > 0, unit, 1.0)
-    H = np.block([[-inverse @ B.T, inverse], [A - B @ inverse @ B.T, B @ inverse]])
+    turned = (B + drag) @ inverse
+    H = np.block([[-inverse @ B.T, inverse], [A - turned @ B.T, turned]])
     rate = np.sqrt(np.abs(H[n:, :n]).max() * np.abs(inverse).max()) or 1.0
     scale = np.r_[1 / unit, unit * rate]
     H = H * scale / scale[:, None]
@@ -192,7 +221,7 @@ def _subspace(
             f"told apart by {', '.join(names)}, found that they are not; give a finite time"
         )
     slope = basis[n:] @ np.linalg.inv(basis[:n])
-    slope = (slope + slope.T) / 2
+    slope = slope if drag.any() else (slope + slope.T) / 2
     rates = inverse @ (slope - B.T)
     decay = -side * np.real(values)
     return slope, rates, decay[decay > 0]

@@ -390,7 +390,7 @@ def given_time(problem: Problem) -> float:
 
 def straight(problem: Problem) -> Array:
     """Return points (K, n) on the straight line between the events."""
-    pairs = zip(problem.start.q, problem.end.q, strict=True)
+    pairs = zip(problem.start.near, problem.end.near, strict=True)
     known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
     start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
     return start + np.linspace(0, 1, LINE)[:, None] * (end - start)

@@ -117,7 +117,7 @@ def sizes(problem: Problem) -> Array:
     """Return the coordinates' sizes (n,), of equal kinetic energy: how far is far on a surface."""
     size = over(problem, 1.0).scales
     ends = problem.start, problem.end
-    pairs = zip(ends[0].q, ends[1].q, strict=True)
+    pairs = zip(ends[0].near, ends[1].near, strict=True)
     q = np.array([[(b or 0.0) if a is None else a for a, b in pairs]])
     t = np.array([[given_time(problem)]])
     second = problem.system.pointwise("second")(q, size[None], t, problem.packed)[2]
@@ -151,7 +151,7 @@ def _lasting(problem: Problem, q: Array, t: float) -> float:
 def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
     """Return coordinates (2, n) of both events, on their surfaces near each other and `away`."""
     ends = problem.start, problem.end
-    known = [[0.0 if x is None else x for x in e.q] for e in ends]
+    known = [[0.0 if x is None else x for x in e.near] for e in ends]
     for k in (0, 1):
         if ends[k].on is not None:  # near the other one
             pairs = zip(ends[k].q, known[1 - k], strict=True)

@@ -68,11 +68,11 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     A path is best where it is least, of those to the nearest points of a surface; from other starts
     one is enough.
     """
+    if problem.is_infinite or problem.has_tails:
+        yield from infinite(problem, guess, choices)
+        return
     if not problem.has_free_boundary:
-        if problem.is_infinite or problem.has_tails:
-            yield from infinite(problem, guess, choices)
-        else:
-            yield revise_all(problem, guess, choices)
+        yield revise_all(problem, guess, choices)
         return
     if (problem.asked or problem).is_joined:
         yield _through(problem.asked or problem, guess, choices)

@@ -23,6 +23,7 @@ from actionopt.solver import window
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.family import LOST, softest_condition
+from actionopt.solver.on_surface import points
 from actionopt.solver.strategies import (
     CHEAP,
     DESCENT_COORDINATES,
@@ -31,6 +32,7 @@ from actionopt.solver.strategies import (
     STRATEGIES,
     Search,
 )
+from actionopt.solver.unfixed import solve_free_boundary
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import FINEST, tolerance
@@ -77,7 +79,7 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
         inner = replace(inner, strategies=CHEAP)
     left = np.inf
     while True:
-        solution, message = between(here.problem, here.guess, inner)
+        solution, message = _on_window(here.problem, here.guess, inner)
         factors, below = window.factorize(solution), None
         try:
             if solution.status in LOST and problem.system.n <= DESCENT_COORDINATES:
@@ -88,7 +90,7 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
             solution = replace(solution, status=Status.OUT_OF_TIME)
             message = f"{problem.name}: {solution.status.value} (tol = {choices.tol:g})"
         if below is not None:
-            solution, message = between(here.problem, below, inner)
+            solution, message = _on_window(here.problem, below, inner)
             factors = window.factorize(solution)
         edges = here.edges(solution, factors)
         later = window.longer(here, solution, edges, choices.tol)
@@ -101,6 +103,23 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
             break
         here = later
     return window.centre(window.judge_window(solution, edges)), message
+
+
+def _on_window(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return the path on a window; to a surface by way of the points that are near, the least."""
+    if not problem.on_surface:
+        return between(problem, guess, choices)
+    if guess is not None:
+        return solve_free_boundary(problem, guess, choices)
+    found = []
+    for fixed, _ in points(problem):
+        near = between(fixed, None, replace(choices, mesh=None), verdict=False)[0]
+        if near.success:
+            found.append(solve_free_boundary(problem, near, choices))
+    good = [known for known in found if known[0].success]
+    if good:
+        return min(good, key=lambda known: known[0].action)
+    return found[0] if found else solve_free_boundary(problem, None, choices)
 
 
 def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[Found]:

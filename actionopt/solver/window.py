@@ -136,6 +136,12 @@ def first(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> Window:
         curve = None
     phase = None
     if all(infinite) and not timed:
+        if whole.system.structure.forced:
+            raise ValueError(
+                "expected a clock, or one event of finite time, with non-conservative forces, "
+                "found both at infinite times: these change the energy on the way, and a path "
+                "leads from rest to rest at single values of a parameter only"
+            )
         phase, shift = _phase(whole, curve, t0, t1)
         if curve is not None and shift:
             inner = curve
