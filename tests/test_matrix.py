@@ -487,7 +487,7 @@ def _():
 
 @solves("closed", "obstacle", "clock")
 def _():
-    """A string of the weight 1 + pi / 2 cos t over a floor: it lifts off from pi / 2 to 3 pi / 2."""
+    """A string of the weight 1 + pi / 2 cos t over a floor: off it from pi / 2 to 3 pi / 2."""
     system = ao.System(
         lambda q, v, t: v @ v / 2 + (1 + np.pi / 2 * np.cos(t)) * q[0],
         ["y"],
