@@ -56,7 +56,11 @@ def at(problem, state):
         values[name] = np.reshape(state["p"][place : place + size], np.shape(value))
         place += size
     t = problem.start.t
-    start, end = (ao.Event(t + by, q) for by, q in zip((0, state["T"]), state["ends"], strict=True))
+    # The page moves an end along a motion that it knows to ten digits: less than that is none.
+    ends = [
+        np.where(np.abs(q) < 1e-10 * np.abs(q).max(), 0.0, q) for q in map(np.array, state["ends"])
+    ]
+    start, end = (ao.Event(t + by, q) for by, q in zip((0, state["T"]), ends, strict=True))
     return ao.Problem(problem.system, start, end, parameters=values)
 
 
