@@ -144,7 +144,7 @@ def test_defects_are_not_swallowed(monkeypatch, error):
     def broken(*_, **__):
         raise error
 
-    monkeypatch.setattr("actionopt.families.searches.first", broken)
+    monkeypatch.setattr("actionopt.families.searches.first_acceptable", broken)
     with pytest.raises(type(error), match=str(error)):
         solve_all(ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3)))
 
@@ -154,14 +154,14 @@ def test_defects_are_not_swallowed(monkeypatch, error):
     "error", [np.linalg.LinAlgError("Singular matrix"), ValueError("expected")]
 )
 def test_a_solve_that_fails_is_left_out(monkeypatch, error):
-    whole = searches.first
+    whole = searches.first_acceptable
 
     def fails_from_a_guess(problem, guess, choices):
         if guess is not None:
             raise error
         return whole(problem, guess, choices)
 
-    monkeypatch.setattr("actionopt.families.searches.first", fails_from_a_guess)
+    monkeypatch.setattr("actionopt.families.searches.first_acceptable", fails_from_a_guess)
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3))
     found = solve_all(problem, windings=0, starts=2, continuations=0)
     assert set(found.found_by) == {"a straight line"}

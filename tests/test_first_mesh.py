@@ -8,7 +8,7 @@ import actionopt as ao
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.resolution import DEGREES
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.first_mesh import PHASE_PER_ELEMENT, plan, plan_layers
+from actionopt.solver.first_mesh import PHASE_PER_ELEMENT, plan_layers, plan_mesh
 
 
 def linear(square, T=1.0, start=0.0):
@@ -56,7 +56,7 @@ def test_layers_thinner_than_the_times_can_say_are_left():
 
 
 def test_the_highest_degree_is_planned_where_none_is_high_enough():
-    assert set(plan(linear(-9.0), 1e-40, 4).degrees) == {DEGREES.max()}
+    assert set(plan_mesh(linear(-9.0), 1e-40, 4).degrees) == {DEGREES.max()}
 
 
 def test_rates_are_those_of_the_units():

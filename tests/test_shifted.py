@@ -7,7 +7,7 @@ from helpers import a_quarter, motion
 
 import actionopt as ao
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.shifted import shifted
+from actionopt.discrete.shifted import shift_path
 from actionopt.discrete.transcription import Transcription
 
 KEPLER = ao.System(
@@ -30,7 +30,7 @@ def test_a_displacement_along_a_fast_passage_is_a_shift_of_time(units):
     tau, z = 0.04, tr.pack(Q)
     v = np.empty_like(Q)
     v[tr.layout.node_of] = tr.place(z).v
-    moved = shifted(tr, z, Q - tau * v)
+    moved = shift_path(tr, z, Q - tau * v)
     assert moved is not None
     found, values = moved
     inside = slice(2, -2)
@@ -40,7 +40,7 @@ def test_a_displacement_along_a_fast_passage_is_a_shift_of_time(units):
     assert pytest.approx(step(found.nodes[middle] - tau), abs=0.01) == values[middle].T
     away = Q - tau * v - step(mesh.nodes - tau).T  # what it is without
     assert np.abs(away).max() > 0.1
-    assert shifted(tr, z, Q - 10 * tau * v) is None
+    assert shift_path(tr, z, Q - 10 * tau * v) is None
 
 
 @pytest.mark.parametrize("tol", a_quarter([1e-9, 1e-3]))

@@ -11,7 +11,7 @@ from actionopt import scenes
 from actionopt.discrete.arclength import BranchPoint
 from actionopt.families.marks import locate
 from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
-from actionopt.families.vary import moved
+from actionopt.families.vary import with_values
 
 OSCILLATOR = ao.System(
     lambda q, v, t, *, w: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"], parameters={"w": 2.0}
@@ -382,7 +382,7 @@ def test_waypoints_move_along_a_trace(vary, to):
     between = [ao.Event(1.0, [0.5]), ao.Event(2.2, [-1.0])]
     problem = ao.Problem(spring, ao.Event(0, [0.0]), ao.Event(3, [1.0]), through=between)
     found = trace(problem, vary, to)
-    last = moved(problem, {vary: to})
+    last = with_values(problem, {vary: to})
     w = np.sqrt(float(last.parameters["k"]))
     t = np.array([e.t for e in last.joints_found])
     x = np.array([e.q[0] for e in last.joints_found])

@@ -8,7 +8,7 @@ import pytest
 import actionopt as ao
 from actionopt import scenes
 from actionopt.families import walk as module
-from actionopt.families.vary import lead_to, moved
+from actionopt.families.vary import lead_to, with_values
 from actionopt.families.walk import walk
 
 PENDULUM = scenes.get("pendulum").problem
@@ -17,9 +17,9 @@ START, END = {"t1": 0.4, ("end", "theta"): -2.0}, {"t1": 1.94, ("end", "theta"):
 
 def one_by_one(count):
     """Return the path at the end by very many steps."""
-    path = ao.solve(moved(PENDULUM, START)).path
+    path = ao.solve(with_values(PENDULUM, START)).path
     for part in np.linspace(0, 1, count + 1)[1:]:
-        problem = moved(PENDULUM, {x: (1 - part) * START[x] + part * END[x] for x in END})
+        problem = with_values(PENDULUM, {x: (1 - part) * START[x] + part * END[x] for x in END})
         found = ao.solve(problem, guess=lead_to(path, problem))
         path = found.path
     return found
@@ -27,7 +27,7 @@ def one_by_one(count):
 
 def test_it_stays_with_its_kind_of_path():
     """Half a period further on, one step leads to another: a saddle."""
-    first, far = ao.solve(moved(PENDULUM, START)).path, one_by_one(60)
+    first, far = ao.solve(with_values(PENDULUM, START)).path, one_by_one(60)
     assert far.morse_index == 0
     t = np.linspace(0, 1.94, 50)
     for distance in (12, 51):
@@ -55,7 +55,7 @@ def test_twice_as_many_steps_come_to_the_same(monkeypatch):
 
 
 def test_a_path_is_led_to_other_ends():
-    problem = moved(PENDULUM, {"t1": 2.0, ("start", "theta"): 1.0, ("end", "theta"): -3.0})
+    problem = with_values(PENDULUM, {"t1": 2.0, ("start", "theta"): 1.0, ("end", "theta"): -3.0})
     first = ao.solve(PENDULUM).path
     path = lead_to(first, problem)
     assert path.mesh.boundaries[-1] == 2.0

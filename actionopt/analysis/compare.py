@@ -30,7 +30,7 @@ from actionopt.analysis.flow import (
     Integrator,
     span_within,
 )
-from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, enter, follow, restarts
+from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, begin_leg, follow, restarts
 from actionopt.analysis.second_variation import tangent
 from actionopt.analysis.series import begins_singular
 from actionopt.discrete.mesh import Mesh
@@ -431,7 +431,7 @@ class _Parts:
                 t, q, state = self._run(self._stopping, state, before, whole)
                 times.append(t)
                 tables.append(q)
-            state = enter(self.flow, state, after)
+            state = begin_leg(self.flow, state, after)
         return np.concatenate(times), np.concatenate(tables, axis=1)
 
     def _run(

@@ -424,14 +424,14 @@ def _run(flow: Flow, state: State, leg: Leg, duration: float) -> tuple[Array, Ar
     """
     if leg.singular:
         return begin(flow, state, float(leg.times[1]), MOTION_DEGREE)
-    start, mesh = enter(flow, state, float(leg.times[0])), leg.mesh
+    start, mesh = begin_leg(flow, state, float(leg.times[0])), leg.mesh
     follow = flow.integrator(mesh.nodes[1:], leg.local, leg.longest)
     # Drift off constraints has the whole time to decay; faster, it would be round-off that acts.
     q, v = follow(start, leg.span, leg.units, mesh.elements * abs(leg.span) / duration)
     return np.column_stack([start.q, q]), np.column_stack([start.v, v])
 
 
-def enter(flow: Flow, state: State, t: float) -> State:
+def begin_leg(flow: Flow, state: State, t: float) -> State:
     """Return the state at the time t at which the next leg begins: beyond a jump, or the same."""
     if t == state.t:
         return state

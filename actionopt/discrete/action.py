@@ -30,7 +30,7 @@ import numpy as np
 from actionopt.discrete.boundaries import boundaries_at, find_boundaries, sides
 from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.nodal import Term, level, terms
+from actionopt.discrete.nodal import Term, rest_action, terms
 from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array, NDInt
@@ -124,7 +124,7 @@ class Action:
         ]
         weight = np.concatenate(weights)
         self.weight = weight[:, None]
-        self.rest = level(problem, self.times, self.weight) if self.nodal else 0.0
+        self.rest = rest_action(problem, self.times, self.weight) if self.nodal else 0.0
         self.ends = self._ends()
         # Of another mesh, over other times, vectors z are to mean the same.
         self.rate = RATE / problem.duration if like is None else like.rate

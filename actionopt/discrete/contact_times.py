@@ -51,7 +51,7 @@ def with_contact_times(tr: Transcription, times: Array, moves: Array) -> Transcr
     return Transcription(moved, mesh, tr.lengths, like=tr)
 
 
-def tangential(
+def tangency_step(
     equations: Equations, z: Array, times: Array, force: Array | float = 0.0
 ) -> tuple[Array, Array] | None:
     """Return Newton's step (J,) for the times of contact and that of z (size,), with it.
@@ -100,7 +100,7 @@ def tangential(
     return shifted @ change, step + moves @ change
 
 
-def without(held: Held, a: float, b: float) -> tuple[Arc, ...]:
+def merge_contacts(held: Held, a: float, b: float) -> tuple[Arc, ...]:
     """Return the parts in contact when what is between two times of contact has vanished."""
     both = a if a in held.fixed_times else b if b in held.fixed_times else (a + b) / 2
     found: list[Arc] = []

@@ -16,7 +16,7 @@ from actionopt.discrete.energy_balance import (
     INNER_PARTS,
     Imbalance,
     imbalance,
-    narrow,
+    narrowest_intervals,
     round_off_time,
 )
 from actionopt.discrete.path import Path
@@ -109,7 +109,7 @@ def jump_or(at: DiscretePath, found: Imbalance | None) -> Jump | Imbalance | Non
     """Return a jump of L behind an imbalance of energy, or the imbalance if there is none."""
     if found is None:
         return None
-    found = narrow(at.problem, at.path, found)
+    found = narrowest_intervals(at.problem, at.path, found)
     if found is None:
         return None
     close = found.high - found.low <= INNER_PARTS * round_off_time(at.problem)

@@ -328,7 +328,7 @@ def imbalance(at: DiscretePath, error: float) -> Imbalance | None:
     return None if balance is None else balance.beyond(error)
 
 
-def narrow(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None:
+def narrowest_intervals(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None:
     """Return the shortest intervals in which the balance does not hold.
 
     The intervals are cut as long as one part in 16 has most of what is off in the whole: a step is

@@ -69,7 +69,7 @@ def terms(problem: Problem, mesh: Mesh) -> tuple[Term, ...]:
     return tuple(found)
 
 
-def level(problem: Problem, times: Array, weight: Array) -> float:
+def rest_action(problem: Problem, times: Array, weight: Array) -> float:
     """Return the action of rest, which is taken away: sum of weight L at times (K, 1)."""
     known = [x for x in problem.rests if x is not None]
     if not known:

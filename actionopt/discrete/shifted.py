@@ -22,7 +22,7 @@ from actionopt.tools.types import Array
 SLUGGISH, STRETCHED = 1e-3, 0.5
 
 
-def shifted(tr: Transcription, z: Array, Q: Array) -> tuple[Mesh, Array] | None:
+def shift_path(tr: Transcription, z: Array, Q: Array) -> tuple[Mesh, Array] | None:
     """Return the mesh and the coordinates (K, n) of the path z of `tr` when it moves to Q (K, n).
 
     The nodes are as many; the first and the last keep their times. None where elements would be

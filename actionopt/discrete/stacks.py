@@ -409,7 +409,7 @@ class Stack:
         points, n, elements, members = q.shape
         count = elements * members
         inputs = q.reshape(points, n, count), v.reshape(points, n, count), *at
-        found = program(self.shape.system, name)(points, count, inputs)
+        found = compile_function(self.shape.system, name)(points, count, inputs)
         return [x.reshape(points, -1, elements, members) for x in found]
 
     def coefficients(self, second: list[Array], shift: Array | None = None) -> list[Array]:
@@ -521,7 +521,7 @@ class Factored:
         return found
 
 
-def program(system: System, name: str) -> Columns:
+def compile_function(system: System, name: str) -> Columns:
     """Return what is evaluated of a system: L, its gradient, its second derivatives, or slopes.
 
     These are L, its momenta, and its derivatives by the time and the parameters. Or its gradient

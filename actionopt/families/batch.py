@@ -27,17 +27,17 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import ROUNDOFF
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, program
+from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, compile_function
 from actionopt.families.budget import Budget
-from actionopt.families.common_mesh import between, denser, even
+from actionopt.families.common_mesh import denser, even, transfer_matrix
 from actionopt.families.members import Members, checked_columns, member, refusal
 from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
-from actionopt.families.vary import along, lead_to, place, slope
+from actionopt.families.vary import lead_to, position_in_parameters, slope, slope_along
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_arguments
 from actionopt.solver.family import NOISE
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplification, estimate, sizes
-from actionopt.solver.solve import Guess, moving, solve, solve_near
+from actionopt.solver.solve import Guess, refuse_rest, solve, solve_near
 from actionopt.solver.together import FollowedStack, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
@@ -145,7 +145,7 @@ class _Members:
             elif name in ("t0", "t1"):
                 self.times[:, int(name == "t1")] = values
             else:
-                self.packed[:, place(problem.system, name)] = values
+                self.packed[:, position_in_parameters(problem.system, name)] = values
         if not (self.times[:, 1] > self.times[:, 0]).all():
             i = int(np.argmin(self.times[:, 1] - self.times[:, 0]))
             raise ValueError(
@@ -271,13 +271,13 @@ class _Members:
             if again:
                 found = self._search(i, problem, guess)
             elif guess is not None:
-                found = moving(solve_near(problem, guess, self.tol))
+                found = refuse_rest(solve_near(problem, guess, self.tol))
                 if found.success:
                     steps = sum(found.stats["iterations"].values())
                     self.budget.well += steps * found.mesh.elements
             if found is None or not (found.success or again):
                 found = self._search(i, problem, None)
-            slopes = along(found, self.columns)
+            slopes = slope_along(found, self.columns)
             if self.counting and found.success:
                 with suppress(ValueError):  # there is none
                     self.index[i] = found.morse_index
@@ -299,11 +299,11 @@ class _Members:
     def _search(self, i: int, problem: Problem, guess: Guess | None) -> Solution:
         """Search as `solve` does within the budget, else briefly and from nothing."""
         if not self.budget.allows:
-            found = moving(solve_near(problem, None, self.tol))
+            found = refuse_rest(solve_near(problem, None, self.tol))
             self.unsought[i] = not found.success
             return found
         before, given = self.budget.vain, {"tol": self.tol, "guess": guess, "throw": False}
-        found = moving(solve(problem, **given, progress=self.budget.count))
+        found = refuse_rest(solve(problem, **given, progress=self.budget.count))
         if found.success:
             self.budget.note_found(before)
         return found
@@ -374,7 +374,7 @@ class _Members:
 
     def _to(self, level: int, Q: Array, source: int) -> Array:
         """Return coordinates (C, K, n) on the mesh of one level on that of another."""
-        return between(*(self.levels[k].shape.mesh for k in (source, level))) @ Q
+        return transfer_matrix(*(self.levels[k].shape.mesh for k in (source, level))) @ Q
 
     def _rebase(self, level: int) -> None:
         """Let members begin on another mesh from now on."""
@@ -428,7 +428,7 @@ class _Members:
         i, shape = which[worst : worst + 1], self.levels[level].shape
         mesh, degree = shape.mesh, shape.mesh.degrees[0]
         there = shape.on(mesh.cut(mesh.since, min(2 * degree, MAX_DEGREE)))
-        found = self._follow(there, i, between(mesh, there.mesh) @ Q[worst : worst + 1])
+        found = self._follow(there, i, transfer_matrix(mesh, there.mesh) @ Q[worst : worst + 1])
         if not found.converged[0]:
             return False
         mesh = there.mesh.moved(*self.times[i[0]].tolist())
@@ -485,7 +485,7 @@ class _Members:
                 return
             if k == len(at.finer):
                 at.finer.append(at.shape.on(denser(at.finer[-1].mesh)))
-            there = Q if k == 0 else between(mesh, at.finer[k].mesh) @ Q
+            there = Q if k == 0 else transfer_matrix(mesh, at.finer[k].mesh) @ Q
             found = indices(at.finer[k], self.times[which], self.packed[which], there, self.tol)
             self.index[which] = found
             which, Q = which[found < 0], Q[found < 0]
@@ -548,7 +548,7 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         return False
     try:
         for name in PROGRAMS:
-            program(system, name)
+            compile_function(system, name)
     except ValueError:  # an instruction that there is no function of numpy's for
         return False
     return True

@@ -17,7 +17,7 @@ ROW_COST = 35.0  # of a row of a matrix, in rows: measured, for one to three coo
 ELEMENT_HALVINGS = 12  # of elements
 
 
-def between(a: Mesh, b: Mesh) -> Array:
+def transfer_matrix(a: Mesh, b: Mesh) -> Array:
     """Return the matrix (K', K) from values at the nodes of a mesh to those of another."""
     return Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T
 

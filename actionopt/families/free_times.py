@@ -19,7 +19,7 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arrivals import PASSES_EACH, MissUnits, passages
 from actionopt.solver.closed import LOOKED_AT
-from actionopt.solver.durations import along, rates, returning
+from actionopt.solver.durations import rates, return_time, times_along
 from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes
 from actionopt.tools.types import Array
@@ -70,8 +70,8 @@ def _passages(
         size = over(problem, 1.0).scales[:, None]
         plane, _ = np.linalg.qr(np.nan_to_num(np.stack([chord, force], axis=1)) / size)
         u = np.concatenate([rng.standard_normal((max(shots, 1), n)), fan @ plane.T])
-    line = along(problem, straight(problem), t0)
-    T = [path.mesh.duration for path, _ in known] + [returning(problem, q0, t0)]
+    line = times_along(problem, straight(problem), t0)
+    T = [path.mesh.duration for path, _ in known] + [return_time(problem, q0, t0)]
     T += [] if line is None else [float(line[0][-1])]
     fixed = over(problem, LONGEST_SEARCH * max(T))
     size = fixed.scales

@@ -10,7 +10,7 @@ from math import prod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.families.vary import Name, moved, present
+from actionopt.families.vary import Name, present, with_values
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array, NDInt
@@ -104,7 +104,7 @@ class Grid:
 
     def member(self, i: int) -> Problem:
         """Return the problem of a member. Raises ValueError as a `Problem` does."""
-        return moved(self.problem, self.at(i))
+        return with_values(self.problem, self.at(i))
 
     def at(self, i: int) -> dict[Name, float]:
         """Return the values of a member."""

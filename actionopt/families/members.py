@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.families.vary import Name, moved
+from actionopt.families.vary import Name, with_values
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.tools.types import Array, NDInt
 
@@ -102,7 +102,7 @@ def refusal(error: Exception) -> tuple[str, bool]:
 
 def member(problem: Problem, columns: Mapping[Any, ArrayLike], i: int) -> Problem:
     """Return the problem of member i. Raises ValueError as a `Problem` does."""
-    return moved(problem, {name: float(np.asarray(row)[i]) for name, row in columns.items()})
+    return with_values(problem, {name: float(np.asarray(row)[i]) for name, row in columns.items()})
 
 
 def checked_columns(problem: Problem, columns: Mapping[Any, ArrayLike]) -> dict[Name, Array]:

@@ -17,7 +17,7 @@ from actionopt.discrete.path import Path
 from actionopt.families.path_store import PackedPaths
 from actionopt.families.remake import SAME_MOMENTA, remake
 from actionopt.families.task import PER_MEMBER, Answers, one_by_one, solve_members
-from actionopt.families.vary import Name, moved
+from actionopt.families.vary import Name, with_values
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve_near
 from actionopt.tools.interrupts import leave_interruptions
@@ -79,7 +79,7 @@ def _again(
     tol: float,
 ) -> Solution | None:
     """Return the path of a member that was solved, the j-th of the task; None if it is lost."""
-    problem = moved(problem, {name: float(row[j]) for name, row in columns.items()})
+    problem = with_values(problem, {name: float(row[j]) for name, row in columns.items()})
     if beside.paths is not None:
         guess = beside.paths.path(i)
     else:

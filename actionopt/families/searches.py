@@ -36,8 +36,8 @@ from actionopt.families.trace import trace
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.between import Choices
 from actionopt.solver.ipopt import find
-from actionopt.solver.on_surface import firsts
-from actionopt.solver.pursue import first
+from actionopt.solver.on_surface import paths_to_points
+from actionopt.solver.pursue import first_acceptable
 from actionopt.solver.strategies import GUESS_ONLY, STRATEGIES
 from actionopt.solver.through import CLOSED_MOMENTUM, attempts
 from actionopt.tools.types import Array
@@ -188,7 +188,7 @@ class Answers:
         if (
             given.has_free_boundary
         ):  # curves are drawn over times and between points that were found once
-            given = first(given, None, self.choices)[0].between_times.problem
+            given = first_acceptable(given, None, self.choices)[0].between_times.problem
         guesses = curves(given, starts, self.seed)
         for i, guess in enumerate(guesses):
             how = "the straight line" if guess is None else "a curve to a side"
@@ -197,7 +197,7 @@ class Answers:
 
     def _on_surfaces(self, starts: int) -> Iterator[Start]:
         pairs = points(self.problem, starts, self.seed)
-        for i, guess in enumerate(firsts(self.problem, self.tol, None, pairs)):
+        for i, guess in enumerate(paths_to_points(self.problem, self.tol, None, pairs)):
             self.tell("points on surfaces", i, len(pairs), "points on surfaces")
             yield Start(self.classes[0], guess, "a point on a surface")
 
@@ -489,7 +489,7 @@ class Answers:
         """Solve from a start; keep a path that is new, closed and a motion."""
         self.last, (c, guess, how, solution) = None, start
         try:
-            solution = solution or first(c.problem, guess, self.choices)[0]
+            solution = solution or first_acceptable(c.problem, guess, self.choices)[0]
         except ValueError as error:  # numpy's LinAlgError is one
             raise_defect(error)
             if guess is None and not any(c.turns):

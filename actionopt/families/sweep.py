@@ -30,7 +30,7 @@ from actionopt.families.vary import Name, present
 from actionopt.families.walk import WALK_STEPS, walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
-from actionopt.solver.solve import moving, solve
+from actionopt.solver.solve import refuse_rest, solve
 from actionopt.tools.checks import tolerance
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import NDInt
@@ -158,7 +158,7 @@ def _alone(problem: Problem) -> bool:
 
 def _none_solved(runs: Runs) -> None:
     """Raise what the first member raises, and say that the others are no better."""
-    first = moving(solve(runs.grid.member(0), tol=runs.tol, throw=False))
+    first = refuse_rest(solve(runs.grid.member(0), tol=runs.tol, throw=False))
     names, counts = np.unique(runs.status, return_counts=True)
     resting = (
         "; for a closed path that moves give `trace` a guess" if runs.grid.problem.closes else ""
@@ -236,7 +236,7 @@ class _SweepRun:
         for i in (first, None, *others):
             with suppress(Exception):  # another may do
                 problem = grid.problem if i is None else grid.member(i)
-                found = moving(solve(problem, tol=tol, throw=False))
+                found = refuse_rest(solve(problem, tol=tol, throw=False))
                 unknowns = found.stats["unknowns"]
                 path: Path | None = found.path if found.success else None
                 if i is None and path is not None:

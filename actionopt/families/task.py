@@ -15,10 +15,10 @@ from actionopt.discrete.path import Path
 from actionopt.families.batch import solve_run
 from actionopt.families.members import refusal
 from actionopt.families.path_store import PackedPaths
-from actionopt.families.vary import Name, along, moved
+from actionopt.families.vary import Name, slope_along, with_values
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.solve import Guess, moving, solve
+from actionopt.solver.solve import Guess, refuse_rest, solve
 from actionopt.tools.interrupts import leave_interruptions
 from actionopt.tools.memory import keep_memory
 from actionopt.tools.types import Array, NDInt
@@ -186,11 +186,11 @@ def one_by_one(
             guess = given[j]
             continue
         try:
-            mine = moved(problem, {name: float(row[j]) for name, row in columns.items()})
-            found = moving(solve(mine, guess=guess, tol=tol, throw=False))
+            mine = with_values(problem, {name: float(row[j]) for name, row in columns.items()})
+            found = refuse_rest(solve(mine, guess=guess, tol=tol, throw=False))
             if not found.success and guess is not None:
-                found = moving(solve(mine, tol=tol, throw=False))
-            slopes, number = along(found, columns), -1
+                found = refuse_rest(solve(mine, tol=tol, throw=False))
+            slopes, number = slope_along(found, columns), -1
             if index and found.success:
                 with suppress(ValueError):  # there is none
                     number = found.morse_index
@@ -221,7 +221,7 @@ def one_by_one(
 def _refusal(problem: Problem, columns: Mapping[Name, Array], i: int) -> str:
     """Return the message for a member whose values make no valid problem."""
     try:
-        moved(problem, {name: float(row[i]) for name, row in columns.items()})
+        with_values(problem, {name: float(row[i]) for name, row in columns.items()})
     except ValueError as error:
         return str(error)
     raise AssertionError("a path that ends before it starts is no problem")

@@ -30,7 +30,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
-from actionopt.families.vary import Name, moved, present
+from actionopt.families.vary import Name, present, with_values
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.refine import ROUNDS, split
@@ -166,7 +166,7 @@ def _family(
 
 
 def _with(problem: Problem, name: Name, value: float) -> Problem:
-    return moved(problem, {name: value})
+    return with_values(problem, {name: value})
 
 
 def _within(family: Callable[[float], Problem], like: Problem, value: float) -> Problem:

@@ -94,7 +94,7 @@ def _value_at(problem: Problem, event: Event, what: str) -> float:
     return value
 
 
-def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
+def with_values(problem: Problem, values: Mapping[Name, float]) -> Problem:
     """Return the problem with other values of quantities, all at once.
 
     Raises ValueError as a `Problem` does.
@@ -102,7 +102,8 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
     Examples
     --------
     >>> from actionopt import scenes
-    >>> later = moved(scenes.get("pendulum").problem, {"g": 1.62, "t1": 2.0, ("end", "theta"): 0.5})
+    >>> pendulum = scenes.get("pendulum").problem
+    >>> later = with_values(pendulum, {"g": 1.62, "t1": 2.0, ("end", "theta"): 0.5})
     >>> later.end.t, later.end.q, float(later.parameters["g"])
     (2.0, (0.5,), 1.62)
     """
@@ -136,7 +137,7 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
     )
 
 
-def place(system: System, name: str) -> int:
+def position_in_parameters(system: System, name: str) -> int:
     """Return where a parameter of one number stands in the packed row of all."""
     shapes = system.table.shapes
     before = list(shapes)[: list(shapes).index(name)]
@@ -148,7 +149,9 @@ def slope(problem: Problem, known: Mapping[str, Array], name: Name) -> Array:
     system = problem.system
     if not isinstance(name, tuple):
         return (
-            known[name] if name in ("t0", "t1") else known["parameters"][..., place(system, name)]
+            known[name]
+            if name in ("t0", "t1")
+            else known["parameters"][..., position_in_parameters(system, name)]
         )
     if name[0] == "integral":
         return known["integral"][..., name[1]]
@@ -162,7 +165,7 @@ def slope(problem: Problem, known: Mapping[str, Array], name: Name) -> Array:
     return known["q0" if name[0] == "start" else "q1"][..., i]
 
 
-def along(solution: Solution, names: Iterable[Name]) -> list[float]:
+def slope_along(solution: Solution, names: Iterable[Name]) -> list[float]:
     """Return dS by quantities; NaN where S is no function of them alone.
 
     With forces that are not conservative, contact, or durations that are found.

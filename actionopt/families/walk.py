@@ -13,9 +13,9 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
-from actionopt.families.vary import Name, lead_to, moved
+from actionopt.families.vary import Name, lead_to, with_values
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.solve import moving, solve_near
+from actionopt.solver.solve import refuse_rest, solve_near
 
 # Ad hoc, all three: the numbers of steps, the accuracy on the way, and what is the same at the end.
 WALK_STEPS, WALK_TOL, SAME_END = (4, 8, 16, 32), 1e-4, 1e-3
@@ -51,9 +51,9 @@ def _steps(
         part, near = k / count, path if found is None else found.path
         values = end if k == count else {x: (1 - part) * start[x] + part * end[x] for x in end}
         try:
-            there = moved(problem, values)
+            there = with_values(problem, values)
             accuracy = tol if k == count else max(tol, WALK_TOL)
-            found = moving(solve_near(there, lead_to(near, there), accuracy))
+            found = refuse_rest(solve_near(there, lead_to(near, there), accuracy))
         except Exception:  # no problem, an end that makes no sense, or the solver failed
             return None
         if not found.success:

@@ -26,7 +26,7 @@ from actionopt.discrete.borders import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.closed import LOOKED_AT
-from actionopt.solver.durations import along, rates, returning
+from actionopt.solver.durations import rates, return_time, times_along
 from actionopt.solver.first_paths import given_time, straight, stretch_guess
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
@@ -100,7 +100,7 @@ def misses(problem: Problem, k: int, state: tuple[Array, Array, Array], unit: Mi
     return np.where(lost, np.nan, np.concatenate(rows))
 
 
-def departs(problem: Problem) -> bool:
+def can_depart(problem: Problem) -> bool:
     """Whether motions can set out from the start of a problem, to be looked at.
 
     Not where there are constraints, whose velocities would have to be drawn from the tangent space,
@@ -117,7 +117,7 @@ def arrivals(
 
     They set out from the events of `starts`: its own, or points of its surface.
     """
-    if starts and departs(problem):
+    if starts and can_depart(problem):
         way = _passing if problem.free_time else _aim
         yield from way(problem, starts, size, watch)
 
@@ -181,9 +181,9 @@ def _passing(
             fastest = np.sqrt(np.abs(left)) if not left[0] > 0 else rate
             rate = meeting_speed(problem, line[[0, -1]], size, t, fastest)
             rate = rate * rng.uniform(SLOWEST, FASTEST, len(q0))
-        known = along(fixed, line, t)
+        known = times_along(fixed, line, t)
         last = 0.0 if known is None else float(known[0][-1])
-        longest = max(longest, last, returning(fixed, line[0], t))
+        longest = max(longest, last, return_time(fixed, line[0], t))
         q.append(q0.T)
         v.append(rate * u)
     if not q:

@@ -28,7 +28,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_arguments
 from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.least_along import along
+from actionopt.solver.least_along import find_least_along
 from actionopt.solver.obstacle import Along
 from actionopt.solver.refine import settle_on
 from actionopt.solver.signals import SIGNALS, status_of
@@ -78,7 +78,7 @@ def between(
     try:
         if isinstance(ws, Along):
             search.begin("obstacle", least=True)
-            search.ws, status = along(ws, tol, curve_of)
+            search.ws, status = find_least_along(ws, tol, curve_of)
             status = settle_on(search.ws, status, mesh, least=True)
         else:
             status = _find_smooth(search, guess, curve_of)
@@ -98,7 +98,7 @@ def between(
     return solution, "" if solution.success else message_of(solution, tol, ws.hint)
 
 
-def on_the_way(
+def solve_on_the_way(
     problem: Problem,
     tol: float,
     outer: Watch | None,

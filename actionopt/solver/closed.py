@@ -20,7 +20,7 @@ SLIVER = 0.1  # of an element
 KEPT_ELEMENTS = 3  # elements that stay as they are
 
 
-def passes(
+def passage_times(
     path: Path, problem: Problem, pinned: Sequence[int], wanted: Array, unit: Array
 ) -> list[tuple[float, float]]:
     """Return when a closed path passes coordinates that are wanted, and how far off, in units.
@@ -30,7 +30,7 @@ def passes(
     T = path.mesh.duration
 
     def away(since: Array) -> tuple[Array, Array]:
-        q, v = beyond(path, problem, since)
+        q, v = states_beyond(path, problem, since)
         return (q[pinned] - wanted[:, None]) / unit[:, None], v[pinned] / unit[:, None]
 
     again = _is_same(problem)  # what is passed in a period was in the one before
@@ -61,7 +61,7 @@ def _is_same(problem: Problem) -> bool:
     return problem.order == tuple(range(len(problem.order))) and not problem.advance.any()
 
 
-def beyond(path: Path, problem: Problem, since: Array) -> tuple[Array, Array]:
+def states_beyond(path: Path, problem: Problem, since: Array) -> tuple[Array, Array]:
     """Return q and v (n, K) of a closed path at times since its start, before and after as well."""
     T = path.mesh.duration
     order, advance = list(problem.order), problem.advance
@@ -98,5 +98,5 @@ def begin_later(path: Path, shift: float, problem: Problem) -> Path:
     keep[0], keep[-1] = b[1] > sliver, T - b[-2] > sliver
     inner = b[1:-1][keep[:-1] & np.r_[np.ones(degrees.size - 2, dtype=bool), keep[-1]]]
     b = np.concatenate([[0.0], inner, [T]])
-    curve = lambda t: beyond(path, problem, t - t0 + shift)[0]  # noqa: E731
+    curve = lambda t: states_beyond(path, problem, t - t0 + shift)[0]  # noqa: E731
     return Path.interpolate(curve, mesh.cut(b, degrees[keep]))

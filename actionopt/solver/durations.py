@@ -59,7 +59,7 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
     return np.where(left > 0, rate, np.nan), left
 
 
-def along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | None:
+def times_along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | None:
     """Return the times (K,) from zero at which a motion of the energy passes q (K, n).
 
     And the least of E less the energy at rest. None where it can be nowhere on the curve.
@@ -76,7 +76,7 @@ def along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | None:
     return np.concatenate([[0.0], np.cumsum(steps)]), float(left.min())
 
 
-def passage(problem: Problem) -> tuple[Array, Array, Array] | None:
+def straight_passage(problem: Problem) -> tuple[Array, Array, Array] | None:
     """Return times from zero, coordinates and velocities (K,) of the motion straight to the end.
 
     Of one coordinate, where all motions between two places take the same line: dt = dq / v by
@@ -116,7 +116,7 @@ def passage(problem: Problem) -> tuple[Array, Array, Array] | None:
     return times, a + s * (b - a), rate * (b - a)
 
 
-def barrier(problem: Problem) -> str:
+def explain_barrier(problem: Problem) -> str:
     """Return why no motion has the energy, empty if one may have.
 
     The energy function is least at rest where L is quadratic in v with a positive mass matrix. Then
@@ -160,7 +160,7 @@ def _conserves_energy(problem: Problem) -> bool:
     return plain and system.structure.smooth and not system.structure.depends_on_time
 
 
-def returning(problem: Problem, q: Array, t: float) -> float:
+def return_time(problem: Problem, q: Array, t: float) -> float:
     """Return about how long a motion of the energy takes from q (n,) back to it: 2 p / |force|.
 
     1 where there is no force.
@@ -176,7 +176,7 @@ def returning(problem: Problem, q: Array, t: float) -> float:
     return float(found.min()) if found.size else 1.0
 
 
-def well(problem: Problem) -> Array | None:
+def turning_waypoints(problem: Problem) -> Array | None:
     """Return waypoints (1, K) there and back between the turning points of the energy.
 
     Of a closed path of one coordinate, in the well that is nearest to where it starts, or to zero;
@@ -221,10 +221,10 @@ def well(problem: Problem) -> Array | None:
 def oscillations(problem: Problem) -> list[Path]:
     """Return the small oscillations of the energy about the equilibrium near the start.
 
-    Of several coordinates; of one `well` knows more. Over a period each, the fastest first: with
-    that at least a family of closed paths begins at the equilibrium, whose period is found from the
-    energy (Lyapunov's centre theorem; Moser, *Comm. Pure Appl. Math.* 29 (1976) 727-747). None
-    where there is no equilibrium, or nothing turns.
+    Of several coordinates; of one `turning_waypoints` knows more. Over a period each, the fastest
+    first: with that at least a family of closed paths begins at the equilibrium, whose period is
+    found from the energy (Lyapunov's centre theorem; Moser, *Comm. Pure Appl. Math.* 29 (1976)
+    727-747). None where there is no equilibrium, or nothing turns.
     """
     system, t = problem.system, problem.start.t
     plain = not (system.m or system.structure.forced or system.structure.depends_on_time)

@@ -89,7 +89,7 @@ def _describe(ws: Workspace, found: Inertia, error: float) -> str:
     )
 
 
-def directions(here: Iterate, bordered: Bordered) -> list[Array]:
+def soft_directions(here: Iterate, bordered: Bordered) -> list[Array]:
     """Return variations (unknowns,) of a closed path in which the action hardly bends, all of them.
 
     The kernel of its matrix, shifts of time and symmetries among them. It is solved with beside

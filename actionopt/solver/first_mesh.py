@@ -23,7 +23,7 @@ LINEAR = 4  # elements to begin with where nothing has to be sought
 # more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an
 # extreme case.
 COARSE_DEGREE, COARSE_ELEMENTS = 6, 8
-# Radians, or e-foldings, on an element: by the formula in `plan` twelve digits at degree 13.
+# Radians, or e-foldings, on an element: by the formula in `plan_mesh` twelve digits at degree 13.
 # Derived so far; that few elements of this degree are better than many of another is ad hoc.
 PHASE_PER_ELEMENT = 2.5
 # E-foldings from an end at which elements meet; elements lengthen as the layer decays, and beyond
@@ -40,7 +40,7 @@ LOG_FACTORIALS = np.array([math.lgamma(d) for d in DEGREES])  # of d - 1
 THINNEST_ELEMENT = 1e3 * np.finfo(float).eps  # in parts of the time; ad hoc: its nodes are distinct
 
 
-def plan(problem: Problem, tol: float, elements: int) -> Mesh:
+def plan_mesh(problem: Problem, tol: float, elements: int) -> Mesh:
     """Return a mesh that resolves to `tol` whatever solves equations that do not depend on time."""
     system, n = problem.system, problem.system.n
     rest, now = np.zeros((1, n)), np.array([[problem.start.t]])
@@ -68,7 +68,7 @@ def plan_layers(tr: Transcription, z: Array) -> Mesh | None:
     return None if parts is None else mesh.cut(mesh.duration * parts, max(mesh.degrees))
 
 
-def fewest(problem: Problem) -> int:
+def fewest_elements(problem: Problem) -> int:
     """Return the elements, a power of two, below which small motions without constraints are lost.
 
     A coarser mesh has stationary points of its own. The fastest rate of many coordinates is bounded

@@ -26,9 +26,16 @@ from actionopt.discrete.resolution import cheapest_mesh, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
-from actionopt.solver.between import on_the_way
+from actionopt.solver.between import solve_on_the_way
 from actionopt.solver.closed import LOOKED_AT
-from actionopt.solver.durations import LINE, MERGED, along, passage, rates, returning
+from actionopt.solver.durations import (
+    LINE,
+    MERGED,
+    rates,
+    return_time,
+    straight_passage,
+    times_along,
+)
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, coordinate_scales
 from actionopt.solver.refine import ROUNDS
@@ -90,7 +97,7 @@ class FirstPaths:
             if isinstance(guess, Solution) and guess.success:
                 known = max(self.tol, guess.error)  # finer, its elements would resolve its errors
                 if not self.problem.system.structure.depends_on_time:
-                    guess = passing(self.problem, guess.path)
+                    guess = cut_at_passage(self.problem, guess.path)
                 path = guess if isinstance(guess, Path) else guess.path
                 yield stretch_guess(self.problem, path), None, "guess"  # a neighbour's mesh will do
                 first = min(known / (2 * SAFETY * UNKNOWN_GAIN), first)
@@ -101,7 +108,7 @@ class FirstPaths:
             self.hint = "no point was found on the surface of an event; give a guess"
         if self.problem.closes or self.problem.on_surface:
             return
-        through = passage(self.problem)
+        through = straight_passage(self.problem)
         if through is not None:
             t, q, v = through
             known = over(self.problem, float(t[-1]))
@@ -124,7 +131,7 @@ class FirstPaths:
         problem = self.problem
         t = given_time(problem)
         q = straight(problem)
-        known = along(problem, q, t)
+        known = times_along(problem, q, t)
         if known is not None and known[1] > 0:
             durations = [float(known[0][-1])]
         else:
@@ -134,7 +141,7 @@ class FirstPaths:
             if known is not None:
                 durations.append(float(known[0][-1]))
         if not durations:
-            durations = [returning(problem, q[0], t)]
+            durations = [return_time(problem, q[0], t)]
         for k, T in enumerate(durations):
             first = self._over(T)
             if first is not None:
@@ -213,7 +220,7 @@ class FirstPaths:
 
     def _sharp(self, at: DiscretePath) -> DiscretePath:
         """Return a path over a given duration to the tolerance, if that succeeds."""
-        found = on_the_way(at.problem, self.tol, self.watch, at.path, brief=True)
+        found = solve_on_the_way(at.problem, self.tol, self.watch, at.path, brief=True)
         return found.discrete if found.success else at
 
     def _lowest(self, seen: list[DiscretePath], low: DiscretePath) -> DiscretePath:
@@ -251,7 +258,7 @@ class FirstPaths:
         speed, left = rates(problem, q0[None], np.ones((1, 1)), np.array([[t0]]))
         if not left[0] > 0:
             return
-        T = returning(problem, q0, t0)
+        T = return_time(problem, q0, t0)
         for factor in np.logspace(0, SCANNED / 2, SCANNED + 1, base=2.0):
             known = over(problem, float(T * factor))
             for path in motions(known, np.array([[speed[0], -speed[0]]])):
@@ -295,7 +302,7 @@ class FirstPaths:
             sizes = coordinate_scales(fixed, at.Q)[0]
             return at if resolution(mesh, at.Q, sizes).worst < ROUGHLY else None
         try:
-            found = on_the_way(fixed, FIRST_TOL, self.watch, brief=brief, verdict=not brief)
+            found = solve_on_the_way(fixed, FIRST_TOL, self.watch, brief=brief, verdict=not brief)
         except ValueError as error:
             self.refused = self.refused or error
             return None
@@ -334,7 +341,7 @@ def resolve_curve(known: Problem, curve_on: Callable[[Mesh], Path], represented:
     return found
 
 
-def passing(problem: Problem, path: Path) -> Path:
+def cut_at_passage(problem: Problem, path: Path) -> Path:
     """Return a motion cut off or carried on where it passes what the events give, or comes nearest.
 
     Without a clock each part of a motion is one, and so is what it goes on to be.
@@ -418,7 +425,7 @@ def time_waypoints(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayL
     known = over(problem, 1.0)
     unit = Mesh.uniform(known.start.t, known.end.t, 10 * LINEAR, COARSE_DEGREE)
     q = shape(unit)(known.start.t + s).T
-    found = along(problem, q, start)
+    found = times_along(problem, q, start)
     if found is None:
         raise ValueError(
             f"expected waypoints that a motion of the energy {problem.energy:g} can pass, found "

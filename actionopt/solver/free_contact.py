@@ -19,8 +19,8 @@ from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
-from actionopt.solver.between import Choices, Found, on_the_way
-from actionopt.solver.durations import along
+from actionopt.solver.between import Choices, Found, solve_on_the_way
+from actionopt.solver.durations import times_along
 from actionopt.solver.first_paths import FIRST_TOL, REPRESENTED, given_time, guess_path, straight
 from actionopt.solver.least_along import release_contacts
 from actionopt.solver.obstacle import Along
@@ -90,7 +90,7 @@ def _between_given(
         if fixed.free_time:
             T = _duration(fixed, straight(fixed)) if path is None else path.mesh.duration
         for _ in range(DURATIONS):
-            found = on_the_way(_with_duration(fixed, T), FIRST_TOL, watch, near)
+            found = solve_on_the_way(_with_duration(fixed, T), FIRST_TOL, watch, near)
             if not (fixed.free_time and found.success):
                 break
             last, T = T, _duration(fixed, found.path.values.T)
@@ -108,7 +108,7 @@ def _with_duration(problem: Problem, duration: float) -> Problem:
 
 def _duration(problem: Problem, q: Array) -> float:
     """Return how long a motion of the energy takes along the points q (K, n)."""
-    known = along(problem, q, given_time(problem))
+    known = times_along(problem, q, given_time(problem))
     return 1.0 if known is None else float(known[0][-1])
 
 

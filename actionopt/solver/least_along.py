@@ -31,17 +31,17 @@ from actionopt.solver.obstacle import (
     ContactChange,
 )
 from actionopt.solver.refine import refine
-from actionopt.solver.supports import tight
+from actionopt.solver.supports import tight_string
 from actionopt.solver.touching import (
     NO_ROOM,
     contact_parts,
+    hidden_contact_times,
     is_of_higher_order,
     lines,
-    narrow,
+    narrow_contact_times,
     other_sides,
     sideways,
     touch,
-    unseen,
 )
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import OutOfTime, Spent, Watch
@@ -60,7 +60,9 @@ SMALL_OBSTACLE = (
 HOPELESS = (NO_ROOM, KINKED, ORDER, DEPENDENT)  # what finer meshes do not mend
 
 
-def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tuple[Along, Status]:
+def find_least_along(
+    ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None
+) -> tuple[Along, Status]:
     """Find the path along the obstacle that is least near a guess or, without one, near lines.
 
     Return the search that has it, and the verdict.
@@ -115,9 +117,9 @@ def _search(
             if curve_of is None:
                 first = _both_sides(ws, mesh, first)
             first.sort(key=lambda found: found.action)
-            windows = unseen(first[0])
+            windows = hidden_contact_times(first[0])
             if not windows:
-                windows = narrow(first[0])
+                windows = narrow_contact_times(first[0])
                 yield _least(ws, tol, first)
             ws.take_up(first[0])
         if k == 0 and (drawn := _draw_strings(ws, tol, mesh, guesses[0])):
@@ -149,7 +151,7 @@ def _draw_strings(
             away = sign * sideways(problem) if guess is None else (guess(t) - free(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
-        string = tight(ws.here, side)
+        string = tight_string(ws.here, side)
         if string is None:
             continue
         status = _refine_contact(ws, tol, string[1], string[0])

@@ -28,7 +28,7 @@ import numpy as np
 
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.boundaries import with_boundaries
-from actionopt.discrete.contact_times import tangential, with_contact_times, without
+from actionopt.discrete.contact_times import merge_contacts, tangency_step, with_contact_times
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -39,7 +39,13 @@ from actionopt.mechanics.switches import is_smooth
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.ipopt import IPOPT_TOLERANCE
 from actionopt.solver.iterate import Iterate, UnfixedPath
-from actionopt.solver.touching import is_of_higher_order, looked_at, rows_along, runs, turns
+from actionopt.solver.touching import (
+    is_of_higher_order,
+    normal_turns,
+    rows_along,
+    runs,
+    sample_times,
+)
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import EPS, RANK, Array
 
@@ -174,7 +180,7 @@ class Along(Workspace[Iterate]):
         for a, b in pairwise(np.union1d(held.fixed_times, held.contact_times) - free.start.t):
             count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / T)), 1)
             cuts = np.linspace(a, b, count + 1)
-            times, turned = turns(held, path, a, b)
+            times, turned = normal_turns(held, path, a, b)
             if turned[-1] > TURN * count:  # half of them by the angle, half by the time
                 count = int(np.ceil(turned[-1] / TURN))
                 both = (times - a) / (b - a) + turned / turned[-1]
@@ -279,7 +285,7 @@ class Along(Workspace[Iterate]):
                 return True
             here = self.here
             with self.record.clock("solve"), np.errstate(all="ignore"):
-                found = tangential(here.equations, here.z, times, force)
+                found = tangency_step(here.equations, here.z, times, force)
             if found is None:
                 return False
             step, move = found
@@ -307,7 +313,7 @@ class Along(Workspace[Iterate]):
         gone = (lengths < shortest) & (changes < 0)
         if gone.any():
             k = int(np.flatnonzero(gone)[0])
-            raise ContactChange(without(self.contact_problem, knots[k], knots[k + 1]))
+            raise ContactChange(merge_contacts(self.contact_problem, knots[k], knots[k + 1]))
         limit = (SHRINK - 1) * lengths
         return min(1.0, float(np.min(limit / np.minimum(changes, limit))))
 
@@ -350,7 +356,7 @@ class Along(Workspace[Iterate]):
         """
         here, held, m = self.here, self.contact_problem, self.question.system.m
         assert held.arcs is not None
-        t = looked_at(here)
+        t = sample_times(here)
         q, f, on = here.path(t), rows_along(here, t), held.active(t)[m:]
         G = held.system.constraint_jacobian(q, t, parameters=held.parameters)[m:]
         push = np.zeros(f.shape)

@@ -17,8 +17,8 @@ from actionopt.discrete.surfaces import onto
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem, diagonal
 from actionopt.solver.arrivals import arrivals, meeting_speed
-from actionopt.solver.between import on_the_way
-from actionopt.solver.durations import along
+from actionopt.solver.between import solve_on_the_way
+from actionopt.solver.durations import times_along
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.first_paths import (
     FIRST_TOL,
@@ -39,7 +39,7 @@ WITH_PAINS = 2  # points to which a path is sought in every way, where none was 
 AGAIN = 4  # times that the other surface, and one that moves, is asked anew
 
 
-def firsts(
+def paths_to_points(
     problem: Problem, tol: float, watch: Watch | None, pairs: Iterable[Array] | None = None
 ) -> Iterator[Path]:
     """Yield paths to points on the surfaces, that of the least straight line first: `points`."""
@@ -54,12 +54,12 @@ def firsts(
         yield first if found is None else DiscretePath(tr, found[0]).polish().path
 
 
-def thorough(problem: Problem, watch: Watch | None) -> Iterator[Path]:
+def paths_between_given_times(problem: Problem, watch: Watch | None) -> Iterator[Path]:
     """Yield paths between given times to the nearest points, for which every way is tried."""
     if problem.free_time:
         return
     for fixed, _ in points(problem)[:WITH_PAINS]:
-        found = on_the_way(fixed, FIRST_TOL, watch)
+        found = solve_on_the_way(fixed, FIRST_TOL, watch)
         if found.success:
             yield found.path
 
@@ -144,7 +144,7 @@ def _lasting(problem: Problem, q: Array, t: float) -> float:
     """Return how long the path takes, or a motion of the energy along the points q (K, n)."""
     if not problem.free_time:
         return problem.duration
-    known = along(problem, q, t)
+    known = times_along(problem, q, t)
     return 1.0 if known is None else float(known[0][-1])
 
 

@@ -24,11 +24,16 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_arguments, curve, read_guess
 from actionopt.solver.between import Choices, Found, between
-from actionopt.solver.durations import oscillations, well
+from actionopt.solver.durations import oscillations, turning_waypoints
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.free_contact import free_contact
 from actionopt.solver.iterate import AT_REST, ROUNDED
-from actionopt.solver.on_surface import NEAREST_POINTS, firsts, motions, thorough
+from actionopt.solver.on_surface import (
+    NEAREST_POINTS,
+    motions,
+    paths_between_given_times,
+    paths_to_points,
+)
 from actionopt.solver.revisions import infinite, revise_all
 from actionopt.solver.strategies import IPOPT
 from actionopt.solver.through import solve_through
@@ -37,7 +42,7 @@ from actionopt.solver.verdict import message_of
 from actionopt.tools.watch import OutOfTime
 
 
-def first(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+def first_acceptable(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the first acceptable answer; else the one of the least index, or the first attempt."""
     guess = read_guess(problem, guess)
     best, least = None, np.inf
@@ -88,7 +93,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         return
     if not (problem.on_surface or problem.free_time) and (guess is None or choices.mesh):
         found = between(problem, guess, choices)
-        if choices.mesh is None and moves(found[0]):  # it may be kinked at the start
+        if choices.mesh is None and is_moving(found[0]):  # it may be kinked at the start
             found = solve_free_boundary(problem, found[0], choices)
         yield found
         return
@@ -137,11 +142,11 @@ def starts(
         return ([guess],)
     if problem.on_surface:
         watch = choices.watch
-        quick = islice(firsts(problem, choices.tol, watch), NEAREST_POINTS)
-        return quick, thorough(problem, watch), motions(problem, watch)
+        quick = islice(paths_to_points(problem, choices.tol, watch), NEAREST_POINTS)
+        return quick, paths_between_given_times(problem, watch), motions(problem, watch)
     if not problem.closes:
         return ([None],)
-    path = well(problem)
+    path = turning_waypoints(problem)
     return (_oscillations(problem) if path is None else [path],)
 
 
@@ -165,7 +170,7 @@ def _index(solution: Solution) -> int:
     return 0
 
 
-def moves(solution: Solution) -> bool:
+def is_moving(solution: Solution) -> bool:
     """Whether the path moves at all."""
     speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
     size = np.abs(solution.path.values).max(axis=1)

@@ -73,7 +73,7 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     A saddle that nothing asked for, or where nothing was found, is left for the path below.
     """
     tolerance(choices.tol)
-    here = window.first(problem.whole, guess, choices.tol, choices.mesh)
+    here = window.first_window(problem.whole, guess, choices.tol, choices.mesh)
     inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
     if here.guess is None and choices.strategies is GUESS_ONLY:  # the guess was the straight line
         inner = replace(inner, strategies=CHEAP)
@@ -83,9 +83,9 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
         factors, below = window.factorize(solution), None
         try:
             if solution.status in LOST and problem.system.n <= DESCENT_COORDINATES:
-                below = window.down(here, choices.watch)
+                below = window.descend_from_guess(here, choices.watch)
             elif here.guess is None and factors is not None and inner.principle != "stationary":
-                below = window.lower(solution, factors, choices.watch)
+                below = window.descend_from_saddle(solution, factors, choices.watch)
         except OutOfTime:
             solution = replace(solution, status=Status.OUT_OF_TIME)
             message = f"{problem.name}: {solution.status.value} (tol = {choices.tol:g})"
@@ -93,16 +93,16 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
             solution, message = _on_window(here.problem, below, inner)
             factors = window.factorize(solution)
         edges = here.edges(solution, factors)
-        later = window.longer(here, solution, edges, choices.tol)
+        later = window.lengthen_window(here, solution, edges, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
             break
         left, before = max(edge.left for edge in edges), left
         if not left <= before / 2:
-            message = window.unmet(choices.tol, max(edge.moved for edge in edges))
+            message = window.explain_short_window(choices.tol, max(edge.moved for edge in edges))
             solution = replace(solution, status=Status.UNRESOLVED)
             break
         here = later
-    return window.centre(window.judge_window(solution, edges)), message
+    return window.centre_excursion(window.judge_window(solution, edges)), message
 
 
 def _on_window(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
@@ -136,7 +136,7 @@ def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterato
 # -- from a nearer end ---------------------------------------------------------------------------
 
 
-def outwards(problem: Problem, guess: Guess | None, choices: Choices, found: Found) -> Found:
+def follow_outwards(problem: Problem, guess: Guess | None, choices: Choices, found: Found) -> Found:
     """Return a path that is followed from a nearer end where none was found, or how far one goes.
 
     A geodesic is followed as its end moves away from its start along the straight line, a path of
@@ -234,7 +234,9 @@ def stretch_to_end(path: Solution, problem: Problem, factor: float) -> Path:
 # -- between two equilibria ----------------------------------------------------------------------
 
 
-def dwelling(problem: Problem, guess: Guess | None, choices: Choices, found: Found) -> Found:
+def explain_dwelling(
+    problem: Problem, guess: Guess | None, choices: Choices, found: Found
+) -> Found:
     """Return what can be said of a path that was not found between two equilibria, or rests there.
 
     That of infinite time shows the way, if there is one. Of a path that was found, only whether its
@@ -250,14 +252,14 @@ def dwelling(problem: Problem, guess: Guess | None, choices: Choices, found: Fou
         return found
     if not (solution.status in DWELT or _is_at_rest(solution)):
         return found
-    whole = window.between(problem)
+    whole = window.infinite_problem(problem)
     if whole is None or (solution.success and not solution.inertia.nullity):
         return found
     if guess is None:
         with suppress(OutOfTime, ValueError):
             known = next((s for s, _ in infinite(whole, None, choices) if s.success), None)
             if known is not None:
-                near = between(problem, window.within(known, problem), choices)
+                near = between(problem, window.restrict_guess(known, problem), choices)
                 # What a symmetry holds in its place shows no round-off.
                 if near[0].success and not near[0].inertia.nullity:
                     return near
@@ -279,4 +281,7 @@ def _is_at_rest(solution: Solution) -> bool:
 
 
 Revision = Callable[[Problem, Guess | None, Choices, Found], Found]
-REVISIONS: tuple[Revision, ...] = (outwards, dwelling)  # what is asked of an answer, in turn
+REVISIONS: tuple[Revision, ...] = (
+    follow_outwards,
+    explain_dwelling,
+)  # what is asked of an answer, in turn

@@ -14,7 +14,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_problem
 from actionopt.solver.between import Choices
 from actionopt.solver.ipopt import ABSENT, is_there
-from actionopt.solver.pursue import first, moves
+from actionopt.solver.pursue import first_acceptable, is_moving
 from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT, STRATEGIES
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import among
@@ -101,7 +101,7 @@ def solve(
         raise ValueError(f"expected throw=True or throw=False, found {throw!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, BY_METHOD[method], mesh, watch)
-    solution, message = first(problem, guess, choices)
+    solution, message = first_acceptable(problem, guess, choices)
     if throw and not solution.success:
         raise SolveError(message, solution)
     return solution
@@ -116,16 +116,16 @@ def solve_near(problem: Problem, guess: Guess | None, tol: float) -> Solution:
     """
     check_problem(problem)
     strategies = CHEAP if guess is None else GUESS_ONLY
-    return first(problem, guess, Choices(tol, "auto", strategies, None, None))[0]
+    return first_acceptable(problem, guess, Choices(tol, "auto", strategies, None, None))[0]
 
 
-def moving(solution: Solution) -> Solution:
+def refuse_rest(solution: Solution) -> Solution:
     """Return a solution, as none if it is at rest where a motion is looked for.
 
     That is where a path closes anywhere along itself, or tends to rest.
     """
     problem = solution.problem
     sought = problem.closes or problem.is_infinite or problem.has_tails
-    if not sought or not solution.success or moves(solution):
+    if not sought or not solution.success or is_moving(solution):
         return solution
     return replace(solution, status=Status.NOT_FOUND, error=np.inf)

@@ -27,9 +27,9 @@ from actionopt.solver.first_mesh import (
     COARSE_DEGREE,
     COARSE_ELEMENTS,
     LINEAR,
-    fewest,
-    plan,
+    fewest_elements,
     plan_layers,
+    plan_mesh,
 )
 from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.iterate import Iterate, sizes
@@ -519,7 +519,7 @@ class Search:
         # Motions of many coordinates may be too fast for the coarsest meshes.
         many = ws.many_coordinates and not ws.problem.system.m
         few, first = (
-            fewest(ws.problem) if many else 0,
+            fewest_elements(ws.problem) if many else 0,
             (FIRST_FEW,) if many and strategy.steep else (),
         )
         meshes = sorted({max(elements, few) for elements in (*first, *strategy.meshes)})
@@ -721,7 +721,7 @@ class Search:
         steady = self.ws.problem.system.structure.steady
         planned = self.ws.problem.system.order == 1  # from rates at which motions turn and decay
         if planned and free and steady:
-            mesh = plan(self.ws.problem, self.tol, LINEAR)
+            mesh = plan_mesh(self.ws.problem, self.tol, LINEAR)
         elif mesh is None:
             mesh = self._uniform(LINEAR if planned else 1, self._fine_degree())
             mesh = curve_of(mesh).mesh if curve_of is not None else mesh

@@ -24,7 +24,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, measures
 from actionopt.mechanics.obstacle import Arc
-from actionopt.solver.touching import looked_at, rows_along, runs
+from actionopt.solver.touching import rows_along, runs, sample_times
 from actionopt.tools.types import EPS, Array
 
 ANGLE = np.pi / 24  # by which a normal is turned at once; ad hoc
@@ -189,7 +189,7 @@ class Ways:
         return float(normal @ (arrival if first else -departure)) > 0
 
 
-def tight(
+def tight_string(
     found: DiscretePath, side: Callable[[float], Array]
 ) -> tuple[Path, tuple[Arc, ...]] | None:
     """Return a path tight round what a path passes through, and its parts in contact.
@@ -197,7 +197,7 @@ def tight(
     None if it passes through nothing, or through what has no edge to that side, such as a plane.
     The `side` is a direction (n,) at a time, coordinates in units of their `measures`.
     """
-    held, t = found.problem, looked_at(found)
+    held, t = found.problem, sample_times(found)
     assert isinstance(held, Held)
     sizes, inside = 2.0 ** measures(held.lengths), rows_along(found, t) < 0
     start, duration, none = held.start.t, held.duration, np.zeros((1, held.system.n))

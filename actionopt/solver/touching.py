@@ -144,12 +144,12 @@ def other_sides(found: DiscretePath) -> list[Path]:
     return curves
 
 
-def unseen(found: DiscretePath) -> list[Array]:
+def hidden_contact_times(found: DiscretePath) -> list[Array]:
     """Return times since the start around which a path is inside of the obstacle unseen.
 
     There elements have to be shorter for their nodes to see it.
     """
-    t, reach = looked_at(found), float(np.diff(found.mesh.nodes).max())
+    t, reach = sample_times(found), float(np.diff(found.mesh.nodes).max())
     f, arcs, windows = rows_along(found, t), contact_parts(found), []
     for i, row in enumerate(f < -UNSEEN * found.tr.row_units[-len(f) :, None]):
         for k, l in runs(row):
@@ -160,7 +160,7 @@ def unseen(found: DiscretePath) -> list[Array]:
     return windows
 
 
-def narrow(found: DiscretePath) -> list[Array]:
+def narrow_contact_times(found: DiscretePath) -> list[Array]:
     """Return times since the start around which contact is seen by one or two nodes."""
     t = found.mesh.nodes
     return [
@@ -171,7 +171,7 @@ def narrow(found: DiscretePath) -> list[Array]:
     ]
 
 
-def turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Array]:
+def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Array]:
     """Return times (K,) from a to b, since the start, and by what angle (K,) normals turned.
 
     Those of the rows that are in contact all the while; of the most, where there are more.
@@ -198,7 +198,7 @@ def rows_along(found: DiscretePath, t: Array) -> Array:
     return f[held.free.system.m :]
 
 
-def looked_at(found: DiscretePath) -> Array:
+def sample_times(found: DiscretePath) -> Array:
     """Return times between the nodes, and those at which f is least among its neighbours.
 
     Also where it may be least beside an end of the path or of contact: there f is zero and may fall

@@ -31,11 +31,11 @@ from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import family
 from actionopt.solver.arguments import Guess
-from actionopt.solver.arrivals import arrivals, departs
+from actionopt.solver.arrivals import arrivals, can_depart
 from actionopt.solver.between import Choices, Found, between
-from actionopt.solver.closed import begin_later, passes
-from actionopt.solver.durations import barrier
-from actionopt.solver.family import directions, may_be_family
+from actionopt.solver.closed import begin_later, passage_times
+from actionopt.solver.durations import explain_barrier
+from actionopt.solver.family import may_be_family, soft_directions
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.first_paths import (
     REPRESENTED,
@@ -249,7 +249,7 @@ class Unfixed(Workspace[UnfixedPath]):
         problem, pinned = self.problem, list(self.problem.start.pinned)
         wanted = np.array([problem.start.q[i] for i in pinned], dtype=float)
         lengths = coordinate_scales(over(problem, path.mesh.duration), path.values.T)[1]
-        return passes(path, problem, pinned, wanted, lengths[pinned])
+        return passage_times(path, problem, pinned, wanted, lengths[pinned])
 
     def _begin(self, near: float) -> bool:
         """Begin a closed path where it passes the coordinates that the start gives, or so near."""
@@ -372,7 +372,7 @@ class Unfixed(Workspace[UnfixedPath]):
             return False
         before = self.here
         with suppress(np.linalg.LinAlgError):
-            found = directions(before, before.bordered)
+            found = soft_directions(before, before.bordered)
             moved = [before.tr.coordinates(before.x + d) - before.Q for d in found]
             self.along = tuple(Path(before.mesh, d.T) for d in moved)
             path = guess_path(self.problem, before.path, REPRESENTED[0])
@@ -472,7 +472,7 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
     status, known = Status.NOT_FOUND, False
-    run.hint = barrier(problem)
+    run.hint = explain_barrier(problem)
 
     def tries() -> Iterator[tuple[Path, Array | None, str, bool]]:
         """Yield first paths with their multipliers, whence, and whether to damp the steps."""
@@ -491,7 +491,7 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
         if guess is not None or problem.on_surface or first.merged or shut:
             return
         way = np.abs(np.diff(straight(problem)[[0, -1]], axis=0)[0])
-        size, near = np.maximum(over(problem, 1.0).scales, way), not departs(problem)
+        size, near = np.maximum(over(problem, 1.0).scales, way), not can_depart(problem)
         for path in arrivals(problem, [problem], size, watch):
             near = True
             yield path, None, "motion", False

@@ -113,7 +113,7 @@ class Window:
         return found
 
 
-def first(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> Window:
+def first_window(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> Window:
     """Return the first window of a problem with events at infinite times.
 
     Raises ValueError where there is no equilibrium, or it is no saddle; if the energies of two
@@ -186,9 +186,9 @@ def for_search(whole: Problem, tol: float) -> Problem:
     With one event at infinite time its coordinates are given at the edge of a longer window: more
     ways of searching are open to such a problem, and few paths are held there that would not be.
 
-    Raises ValueError as `first` does, and for paths from an equilibrium back to itself.
+    Raises ValueError as `first_window` does, and for paths from an equilibrium back to itself.
     """
-    problem = first(whole, None, tol, None).problem
+    problem = first_window(whole, None, tol, None).problem
     if problem.is_shifted:
         raise ValueError(
             "expected paths between two equilibria, or with a clock, found paths from one back "
@@ -227,7 +227,9 @@ def graded_mesh(problem: Problem, elements: int, degree: int) -> Mesh:
     return Mesh(np.unique(np.concatenate(parts)), degree)
 
 
-def longer(window: Window, solution: Solution, edges: list[Edge], tol: float) -> Window | None:
+def lengthen_window(
+    window: Window, solution: Solution, edges: list[Edge], tol: float
+) -> Window | None:
     """Return a window whose edges leave out little enough, or None if this one's do."""
     problem = window.problem
     order = 1 if problem.system.structure.depends_on_time else 2
@@ -248,7 +250,7 @@ def longer(window: Window, solution: Solution, edges: list[Edge], tol: float) ->
     return Window(wider, _extend(solution, solution.mesh, wider))
 
 
-def down(window: Window, watch: Watch | None) -> Path | None:
+def descend_from_guess(window: Window, watch: Watch | None) -> Path | None:
     """Return a least path that the action leads down to from the guess, or from the line."""
     problem = window.problem
     mesh = with_boundaries(
@@ -272,7 +274,7 @@ def factorize(solution: Solution) -> Factors | None:
     return None
 
 
-def lower(solution: Solution, factors: Factors, watch: Watch | None) -> Path | None:
+def descend_from_saddle(solution: Solution, factors: Factors, watch: Watch | None) -> Path | None:
     """Return a least path that the action leads down to from a saddle, or None.
 
     A straight line between equilibria may be a trap, where symmetry keeps every path on it.
@@ -294,7 +296,7 @@ def lower(solution: Solution, factors: Factors, watch: Watch | None) -> Path | N
     return None
 
 
-def centre(solution: Solution) -> Solution:
+def centre_excursion(solution: Solution) -> Solution:
     """Return a path from rest back to the same with its farthest point at t = 0."""
     problem = solution.problem
     (before, after), start, end = problem.rests, problem.start, problem.end
@@ -469,7 +471,7 @@ def _same(a: Array, b: Array) -> bool:
     return bool(np.abs(a - b).max() <= ROUNDED * size)
 
 
-def between(problem: Problem) -> Problem | None:
+def infinite_problem(problem: Problem) -> Problem | None:
     """Return the problem with its events at infinite times, if both are equilibria it may join.
 
     A path between them would dwell at either; None if they are not, or it has a clock.
@@ -482,13 +484,13 @@ def between(problem: Problem) -> Problem | None:
         return None
     whole = problem.replace(start=Event(-np.inf, problem.start.q), end=Event(np.inf, problem.end.q))
     try:
-        first(whole, None, COARSEST, None)
+        first_window(whole, None, COARSEST, None)
     except ValueError:
         return None
     return whole
 
 
-def within(solution: Solution, problem: Problem) -> Callable[[Array], Array]:
+def restrict_guess(solution: Solution, problem: Problem) -> Callable[[Array], Array]:
     """Return a path of infinite time as a guess for one of finite time between the same places.
 
     Placed so that it dwells at either end for as many e-foldings.
@@ -499,7 +501,7 @@ def within(solution: Solution, problem: Problem) -> Callable[[Array], Array]:
     return lambda times: solution(times - t)
 
 
-def unmet(tol: float, moved: float) -> str:
+def explain_short_window(tol: float, moved: float) -> str:
     """Return what to say where no window is long enough."""
     return (
         "beyond the last window the path is not on the linear manifold of the equilibrium, which "

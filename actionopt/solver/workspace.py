@@ -21,7 +21,7 @@ from actionopt.discrete.newton import approach, follow, move_ends
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
-from actionopt.discrete.shifted import shifted
+from actionopt.discrete.shifted import shift_path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.component_newton import settle_by_component
@@ -279,7 +279,7 @@ class Workspace(Generic[Place]):
     ) -> tuple[Transcription, Array]:
         """Return where a path goes that is far from a neighbour's as it may be sooner or later."""
         plain = not (self.problem.boundaries or tr.nodal)
-        found = shifted(neighbour.tr, neighbour.z, tr.coordinates(z)) if plain else None
+        found = shift_path(neighbour.tr, neighbour.z, tr.coordinates(z)) if plain else None
         self.astray = found is None
         if found is None:
             return tr, z
