@@ -79,7 +79,8 @@ def test_a_wide_kink_is_placed():
     question = kink.kink(0.1)
     solution = ao.solve(question.problem, tol=TOL, throw=False)
     assert solution.status in (Status.SOLVED, Status.FLOOR)
-    assert error(solution, question.exact) < TOL
+    said = TOL if solution.status is Status.SOLVED else solution.error
+    assert error(solution, question.exact) < said
     assert solution.error < 100 * TOL
 
 

@@ -45,6 +45,8 @@ HIDDEN = {  # forces of the time, and their integrals
     "gaussian": (lambda t: np.exp(-(((t - 0.7) / W) ** 2)) / (W * np.sqrt(np.pi)), 1.0),
     "hyperbolic": (lambda t: 1 / (W * np.cosh((t - 0.7) / W) ** 2), 2.0),
     "tail": (lambda t: (1 + ((t - 0.7) / W) ** 2) ** -1.5 / W, 2.0),
+    "flat": (lambda t: np.exp(-(((t - 0.7) / W) ** 4)) / W, 2 * math.gamma(1.25)),
+    "power": (lambda t: 2.0 ** -(((t - 0.7) / W) ** 2) / W, np.sqrt(np.pi / np.log(2))),
     "train": (lambda t: np.exp(-((np.sin(3 * np.pi * t) / W) ** 2)) / W, 2 / (3 * np.sqrt(np.pi))),
 }
 
@@ -57,6 +59,23 @@ def test_what_is_hidden_between_samples_changes_the_momentum(form):
     solution = ao.solve(ao.Problem(system, ao.Event(t0, [0.0]), ao.Event(t1, [1.0])), tol=1e-6)
     change = solution.velocity(t1)[0] - solution.velocity(t0)[0]
     assert change == pytest.approx(impulse, rel=1e-4)
+
+
+@pytest.mark.parametrize(("T", "c"), [(7.0, 2.0), (17.0, 5.0), (1.0, 0.0), (1.0, 1.0)])
+def test_a_pulse_on_a_sample_or_at_an_end_is_found(T, c):
+    """Its slope is zero there; of one at an end half is on the way."""
+    width, part = 1e-5, 0.5 if c in (0.0, T) else 1.0
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 + np.exp(-(((t - c) / width) ** 2)) / width * q[0], ["x"]
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(T, [1.0]))
+    solution = ao.solve(problem, tol=1e-8)
+    impulse = part * np.sqrt(np.pi)
+    begun = (1 - impulse * (T - c)) / T  # before it; `after` where it begins with it
+    after = begun + (impulse if c == 0 else 0.0)
+    before = 0.5 * c if c else 0.01
+    wanted = (begun if c else after) * before
+    assert solution(before)[0] == pytest.approx(wanted, abs=1e-5)
 
 
 def test_a_hidden_step_and_a_hidden_kick_of_a_beam():

@@ -2,15 +2,15 @@
 
 A force such as exp(-((t - c) / w)^2) is seen by no sample if w is small, but the exponent is, from
 any distance. Where a function of the time f(u(t)) can be narrow there is a g(t) that is least in
-the middle of what is narrow, as wide as g'' says, and whose slope points there from both sides:
+the middle of what is narrow, and whose slope points there from both sides:
 
-    exp u              g = -u, a pulse; and u^2: where 1 / (1 + exp u) is a step
+    exp u, a^u         g = -u, a pulse; and u^2: where 1 / (1 + exp u) is a step
     tanh u, erf u, ..  g = u^2
     1 / u, u^a, log u  g = log |u|
 
-In g = g(c) + ((t - c) / s)^2 + ... the pulse has the width s = sqrt(2 / g''(c)). Elements that end
-at c see it, and refinement finds the rest. Of two within one interval of the samples none is
-found, nor what depends on q as well.
+The pulse is as wide as the distance s at which s |g'(c + s)| is one, also where g'' is zero, as of
+exp(-((t - c) / w)^4). Elements that end at c see it, and refinement finds the rest. Of two within
+one interval of the samples none is found, nor what depends on q as well.
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.switches import POWERS, QUOTIENTS, ROOTS
 from actionopt.mechanics.tracing import SAMPLES, Symbols
 from actionopt.tools.tape import Node, Tape, apply
-from actionopt.tools.types import Array
+from actionopt.tools.types import Array, NDInt
 
 EXPONENTIALS = {ca.OP_EXP, ca.OP_EXPM1}
 SIGMOIDS = {ca.OP_TANH, ca.OP_ERF, ca.OP_SINH, ca.OP_COSH, ca.OP_ATAN, ca.OP_ASINH}
 TAILS = {*QUOTIENTS, *POWERS, *ROOTS}
 PULSES = EXPONENTIALS | SIGMOIDS | TAILS
-# Parts of the duration; a Gaussian of this s has the width 1 / SAMPLES at half its height, 2.5
-# times what the samples are promised to see.
-HIDDEN = 2.5 / SAMPLES / (2 * np.sqrt(np.log(2)))
+# Parts of the duration; a Gaussian of this s has three times the width at half its height that the
+# samples are promised to see. Elements that end where they need not do no harm.
+HIDDEN = 5.0 / SAMPLES
+GROWN = 0.03  # 2 (h / s)^2 of a pulse one and a half times as wide, h being the distance of samples
 BISECTIONS = 60  # between two samples there are no more floats to halve
 
 
 def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
-    """Return the first and second derivatives by t of all g of these laws, of (t, p); or None."""
+    """Return the derivatives by t of all g of these laws, as a function of (t, p); or None."""
     arguments = [s.q, s.v, s.t, s.p]
     slopes: list[ca.SX] = []
 
@@ -49,6 +50,9 @@ def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
             of, row = node.entry
             return None if of < 2 else (arguments[of][row], of == 2)
         u = operands[-1 if node.operation in QUOTIENTS else 0]
+        base, power = operands[0], operands[-1]
+        if node.operation in POWERS and base is not None and power is not None and power[1]:
+            slopes.append(-ca.jacobian(power[0] * ca.log(base[0]), s.t))
         if u is not None and u[1]:
             rate = ca.jacobian(u[0], s.t)
             if node.operation in EXPONENTIALS:
@@ -66,26 +70,39 @@ def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
     varied = [slope for slope in slopes if ca.depends_on(slope, s.t)]
     if not varied:
         return None
-    first = ca.vertcat(*varied)
-    both = [ca.densify(first), ca.densify(ca.jacobian(first, s.t))]
-    return Pointwise(ca.Function("pulses", [s.t, s.p], both))
+    return Pointwise(ca.Function("pulses", [s.t, s.p], [ca.densify(ca.vertcat(*varied))]))
 
 
 def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[float]:
-    """Return the middles of all pulses from `start` to `end` that samples may miss, in order."""
-    times = np.linspace(start, end, SAMPLES)
+    """Return the middles of all pulses from `start` to `end` that samples may miss, in order.
+
+    Of one at an end a time inside, about as far away as the pulse is wide.
+    """
+    times, narrow = np.linspace(start, end, SAMPLES), HIDDEN * (end - start)
+
+    def rises(which: NDInt, middle: Array, apart: Array) -> Array:
+        """Return by how much each g rises so `apart` from its least value, on the steeper side."""
+        each = np.arange(which.size)
+        sides = [known((middle + by)[:, None], packed)[0][each, which] for by in (-apart, apart)]
+        return apart * np.fmax.reduce(np.abs(sides))
+
     with np.errstate(all="ignore"):
         slope = known(times[:, None], packed)[0]
-        # Across what is hidden g' grows by at least h g'' = 2 h / s^2 (a logarithm's by 4 / h).
-        grown = np.diff(slope, axis=0) * (times[1] - times[0]) > 0.5
-        k, which = np.nonzero(grown & (slope[:-1] < 0) & (slope[1:] > 0))
+        # Across the least of what is hidden g' grows by h g'' (a logarithm's by 4 / h).
+        grown = np.diff(slope, axis=0) * (times[1] - times[0]) > GROWN
+        k, which = np.nonzero(grown & (slope[:-1] <= 0) & (slope[1:] >= 0))
         if not 0 < k.size < SAMPLES:
             return []
         a, b, each = times[k], times[k + 1], np.arange(k.size)
         for _ in range(BISECTIONS):
             middle = a + (b - a) / 2
-            rises = known(middle[:, None], packed)[0][each, which] > 0
-            a, b = np.where(rises, a, middle), np.where(rises, middle, b)
-        bent = known(b[:, None], packed)[1][each, which]
-        narrow = bent * (HIDDEN * (end - start)) ** 2 > 2
-    return np.unique(b[narrow]).tolist()
+            beyond = known(middle[:, None], packed)[0][each, which] > 0
+            a, b = np.where(beyond, a, middle), np.where(beyond, middle, b)
+        hidden = rises(which, b, np.full(b.size, narrow)) > 1
+        found, which = b[hidden], which[hidden]
+        inside = np.where(found < (start + end) / 2, 1.0, -1.0)
+        off = np.minimum(found - start, end - found)
+        apart = np.full(found.size, narrow)
+        for _ in range(BISECTIONS):  # to the width of what is next to an end
+            apart = np.where(rises(which, found, apart / 2) > 1, apart / 2, apart)
+    return np.unique(np.where(off < apart, found + inside * apart, found)).tolist()
