@@ -402,9 +402,50 @@ def _():
     ask(floor(), [1.0], [0.0], INF)
 
 
-@refuses("infinite time", "constraint", says="expected")
+@solves("infinite time", "constraint")
 def _():
-    ao.solve(ask(ring(), [1, 0], [0, 1], INF))
+    """A pendulum on the ring that comes to rest upright: tan(a / 4) = tan(pi / 8) exp(-t)."""
+    system = ao.System(
+        lambda q, v, t, *, g: v @ v / 2 - g * q[1],
+        ["x", "y"],
+        constraint=lambda q, t: q @ q - 1,
+        parameters={"g": 1.0},
+    )
+    sol = ao.solve(ask(system, [1, 0], [0, 1], INF))
+    t = np.linspace(0, 20, 41)
+    angle = 4 * np.arctan(np.tan(np.pi / 8) * np.exp(-t))
+    assert sol(t) == pytest.approx(np.array([np.sin(angle), np.cos(angle)]), abs=KNOWN)
+    action = 4 - 2 * np.sqrt(2)  # int a'^2 dt, above rest; it grows as sqrt(g)
+    assert sol.action == pytest.approx(action, rel=KNOWN) and sol.morse_index == 0
+    assert sol.sensitivity().parameters["g"] == pytest.approx(action / 2, rel=KNOWN)
+
+
+@solves("infinite time", "constraint", "force")
+def _():
+    """The same with drag, beside that of its angle in one coordinate."""
+    bound = ao.System(
+        lambda q, v, t: v @ v / 2 - q[1],
+        ["x", "y"],
+        constraint=lambda q, t: q @ q - 1,
+        force=lambda q, v, t: -v / 2,
+    )
+    angle = ao.System(lambda q, v, t: v @ v / 2 - np.cos(q[0]), ["a"], force=lambda q, v, t: -v / 2)
+    sol = ao.solve(ask(bound, [1, 0], [0, 1], INF))
+    known = ao.solve(ask(angle, [np.pi / 2], [0], INF))
+    t = np.linspace(0, 20, 41)
+    assert np.arctan2(*sol(t)) == pytest.approx(known(t)[0], abs=KNOWN)
+    assert sol.action == pytest.approx(known.action, rel=KNOWN)
+
+
+@refuses(
+    "infinite time",
+    "constraint",
+    "clock",
+    says="nothing rests on what moves",
+    because="where a constraint moves, nothing is at rest",
+)
+def _():
+    ao.solve(ask(ring_that_grows(), [1, 0], [0, 1], INF))
 
 
 @solves("infinite time", "clock")

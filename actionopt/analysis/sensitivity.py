@@ -162,8 +162,8 @@ def slopes(
         known = next(x for x in problem.rests if x is not None)
         ends = np.array([[problem.start.t], [problem.end.t]])
         at_rest = np.broadcast_to(known.q, (len(tr.times), known.q.size))
-        still, nowhere = np.zeros_like(at_rest), np.zeros((len(tr.times), 0))
-        level = explicit(system)(at_rest, still, tr.times, problem.packed, nowhere)[1]
+        still, held = np.zeros_like(at_rest), np.tile(known.lam, (len(tr.times), 1))
+        level = explicit(system)(at_rest, still, tr.times, problem.packed, held)[1]
         packed = packed - np.sum(tr.weight * level, axis=0)
         L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
         times[0] = 0.0 if isinstance(problem.start, Tail) else times[0] + float(L[0])

@@ -8,6 +8,7 @@ to the stable subspace of the linearised flow
 pi = K eta with a symmetric K; those that come from it, to the unstable one. A path that stays on it
 from a time on has there v = W eta, W = C^-1 (K - B'), and its action above rest on the way is
 -(p.eta + eta.K eta / 2), the opposite where it comes from: a term that depends on where it is then.
+Under constraints f(q) = 0 that is so on their tangent plane, with A + sum lam f_qq for A.
 Non-conservative forces Q(q, v) add Q_q to A and Q_v to B in pi', K is not symmetric, and the action
 beyond is no potential of the momentum: with W' M + M W = -(A + B W + W'B' + W'C W) it is
 
@@ -56,6 +57,8 @@ class Rest:
         The least and the largest rate of decay.
     lagrangian : float
         L at rest.
+    lam : (m,) array
+        The multipliers of constraints there.
     """
 
     side: int
@@ -68,6 +71,7 @@ class Rest:
     slow: float
     fast: float
     lagrangian: float
+    lam: Array
 
     def beyond(self, eta: Array, since: Array) -> Array:
         """Return eta (n, K) at times `since` (K,) from where it was (n,): exp(rates since) eta."""
@@ -108,11 +112,12 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
     names, given = system.coordinates, q
     second, first = system.pointwise("second"), system.pointwise("first")
     v, now = np.zeros((1, system.n)), np.array([[t]])
-    if system.m:
+    if system.m and system.pointwise("constraint_rate")(q[None], now, packed)[0].any():
         raise ValueError(
-            "expected a system without constraints for an event at infinite time, found one with: "
-            "use coordinates in which there are none, or give a finite time"
+            "expected constraints at rest where a path comes from or tends to in infinite time, "
+            "found that they move there: nothing rests on what moves; give a finite time"
         )
+    f, G, lam = np.zeros(system.m), np.zeros((system.m, system.n)), np.zeros(system.m)
     work, forces = np.zeros((2, system.n, system.n)), []  # Q_q and Q_v; what pushes there
     for _ in range(REST_STEPS):
         pull = force = first(q[None], v, now, packed)[0][0].copy()
@@ -131,7 +136,18 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
                 "give a finite time by which it is all but at rest, and there coordinates a little "
                 "beside it, such as Event(t, q + 1e-9), and a guess"
             )
-        step = np.linalg.lstsq(whole, force, rcond=None)[0]
+        if system.m:
+            jacobian, curvature = map(
+                system.pointwise, ("constraint_jacobian", "constraint_curvature")
+            )
+            nonzeros, rows = jacobian(q[None], now, packed)
+            G, f = jacobian.full(0, nonzeros)[0], rows[0].copy()
+            lam = -np.linalg.lstsq(G.T, force, rcond=None)[0]
+            bent = curvature(q[None], lam[None], now, packed)[0]
+            bent = curvature.full(0, bent, symmetric=True)[0]
+            A, whole, force = A + bent, whole + bent, force + lam @ G
+        matrix = np.block([[whole, G.T], [G, np.zeros((system.m, system.m))]])
+        step = np.linalg.lstsq(matrix, np.r_[force, f], rcond=None)[0][: system.n]
         q = q - step
         if np.abs(step).max() <= 1e-15 * max(np.abs(q).max(), 1e-300):
             break
@@ -145,23 +161,24 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
             f"the generalized forces {forces[0].tolist()} at rest at q = {given.tolist()}{near}"
         )
     momentum, L = (x[0].copy() for x in first(q[None], v, now, packed)[1:])
-    slope, rates, decay = _subspace(whole, B, work[1], C, side, names)
-    action = -side * momentum, -side * slope
+    plane = np.linalg.svd(G)[2][system.m :].T  # of the motions that the constraints allow
+    A, whole, B, drag, C_plane = (plane.T @ x @ plane for x in (A, whole, B, work[1], C))
+    slope, rates, decay = _subspace(whole, B, drag, C_plane, side, names)
+    action = -side * momentum, -side * (plane @ slope @ plane.T)
     if system.structure.forced:
-        action = _action(pull, momentum, (A, B, C), rates, side)
-    known = slope, rates, action, C
-    return Rest(side, q, momentum, *known, decay.min(), decay.max(), float(L[0]))
+        line, M = _action(plane.T @ pull, (A, B, C_plane), rates, side)
+        action = -side * momentum + plane @ line, plane @ M @ plane.T
+    known = plane @ slope @ plane.T, plane @ rates @ plane.T, action, C
+    return Rest(side, q, momentum, *known, decay.min(), decay.max(), float(L[0]), lam)
 
 
-def _action(
-    pull: Array, momentum: Array, second: tuple[Array, ...], rates: Array, side: int
-) -> tuple[Array, Array]:
-    """Return the action beyond as `Rest` has it, of motions at the `rates` W, L_q = `pull`."""
+def _action(pull: Array, second: tuple[Array, ...], rates: Array, side: int) -> tuple[Array, Array]:
+    """Return the action beyond but for momenta, of motions at the `rates` W, L_q = `pull`."""
     (A, B, C), W, one = second, rates, np.eye(pull.size)
     bent = A + B @ W + (B @ W).T + W.T @ C @ W
     both = np.kron(W.T, one) + np.kron(one, W.T)
     M = np.linalg.solve(both, -side * bent.ravel()).reshape(bent.shape)
-    return -side * (momentum + np.linalg.solve(W.T, pull)), M
+    return -side * np.linalg.solve(W.T, pull), M
 
 
 def _subspace(

@@ -103,8 +103,10 @@ class Window:
             if factors is not None:
                 tr, pull = solution.discrete.tr, np.zeros_like(Q)
                 pull[k] = known.mass @ off / known.slow
+                right, count = np.zeros(tr.layout.size), tr.layout.unknowns
+                right[:count] = tr.free_part(pull.ravel())
                 try:
-                    away = factors.solve(tr.free_part(pull.ravel()))
+                    away = factors.solve(right)[:count]
                 except np.linalg.LinAlgError:  # nothing holds the path
                     away = np.inf
                 away = away * tr.x_unit / size[tr.layout.free % size.size]
@@ -253,6 +255,8 @@ def lengthen_window(
 def descend_from_guess(window: Window, watch: Watch | None) -> Path | None:
     """Return a least path that the action leads down to from the guess, or from the line."""
     problem = window.problem
+    if not _has_least(problem):
+        return None
     mesh = with_boundaries(
         Mesh.uniform(problem.start.t, problem.end.t, DOWN_ELEMENTS, COARSE_DEGREE),
         problem.boundaries,
@@ -274,13 +278,19 @@ def factorize(solution: Solution) -> Factors | None:
     return None
 
 
+def _has_least(problem: Problem) -> bool:
+    """Whether the action of paths may be lowered freely."""
+    system = problem.system
+    return not (system.m or system.structure.forced or problem.on_surface)
+
+
 def descend_from_saddle(solution: Solution, factors: Factors, watch: Watch | None) -> Path | None:
     """Return a least path that the action leads down to from a saddle, or None.
 
     A straight line between equilibria may be a trap, where symmetry keeps every path on it.
     """
     with suppress(ValueError):
-        if not factors.negative():
+        if not (_has_least(solution.problem) and factors.negative()):
             return None
         at = solution.discrete
         eta = second_variation(solution, 1).modes[0]
