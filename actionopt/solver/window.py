@@ -487,7 +487,7 @@ def infinite_problem(problem: Problem) -> Problem | None:
     A path between them would dwell at either; None if they are not, or it has a clock.
     """
     system, n = problem.system, problem.system.n
-    bound = system.m or system.r or system.structure.forced
+    bound = system.m or system.r or system.structure.forced or problem.through
     plain = not (bound or system.structure.depends_on_time)
     ends = problem.start, problem.end
     if not plain or any(len(e.pinned) < n for e in ends) or problem.advance is not None:
