@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import systems
 from helpers import applies, integrated
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
+from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
@@ -286,3 +287,21 @@ def test_where_no_way_applies_the_verdict_is_said_of_the_straight_line():
     assert found.status is ao.Status.NOT_FOUND and found.error == np.inf
     t = np.linspace(0, 15, 7)
     assert found(t)[0] == pytest.approx(0.2128 * t / 15)
+
+
+@pytest.mark.slow
+def test_the_motion_itself_leads_to_itself_over_many_periods():
+    """On the first meshes it is not to be seen; by scipy's integration."""
+    T = 25.3 * 4 * ellipk(np.sin(1.0) ** 2) / np.sqrt(9.81)
+
+    def rates(t, y):
+        return [y[1], -9.81 * np.sin(y[0])]
+
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12, "dense_output": True}
+    known = solve_ivp(rates, (0, T), [2.0, 0.0], **options)
+    problem = ao.Problem(
+        systems.pendulum(g=9.81), ao.Event(0.0, [2.0]), ao.Event(T, known.sol(T)[:1])
+    )
+    solution = ao.solve(problem, guess=lambda t: known.sol(t)[:1])
+    t = np.linspace(0.0, T, 999)
+    assert np.abs(solution(t) - known.sol(t)[:1]).max() < 1e-8

@@ -605,7 +605,7 @@ class Search:
                 found = self._quickly_past(curve_of(seen or coarse))
                 if found in REACHED:
                     return found
-            near = near or self._continue(first=coarse is meshes[0])
+            near = near or self._continue(far=coarse in (meshes[0], meshes[-1]))
             if near:
                 status = self.refine()
                 if status is not Status.UNRESOLVED:
@@ -664,12 +664,15 @@ class Search:
             ws.here = settled
         return False
 
-    def _continue(self, *, first: bool) -> bool:
-        """Continue from the iterate at hand, by what takes longest on the `first` mesh alone."""
+    def _continue(self, *, far: bool) -> bool:
+        """Continue from the iterate at hand; `far` by what takes longest, too.
+
+        That is worth it on the first mesh, and on the one that shows most of the guess.
+        """
         ws = self.ws
         if self.strategies in (IPOPT, GUESS_ONLY):
             return False
-        return ws.root() or (first and not ws.large and ws.homotopy())
+        return ws.root() or (far and not ws.large and ws.homotopy())
 
     def _settles(self) -> bool:
         """Move the iterate at hand to the stationary path next to it, as far as that is quick."""
