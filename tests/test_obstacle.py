@@ -603,17 +603,29 @@ def round_ellipse(A, B, width, angle):
     return found
 
 
-@pytest.mark.parametrize(
-    ("width", "angle"), a_quarter([(0.015, -0.7), (0.1, 0.0), (0.03, 1.2), (0.01, 0.3)])
-)
-def test_a_string_round_the_edge_of_a_thin_wall(width, angle):
-    """Round one of a hundredth Newton's method may lose a side, and which one rounding decides."""
+def round_thin_wall(width, angle):
+    """Return the length of the string found, and those on either side, the shorter first."""
     A, B = [-2.5, 0.1], [2.5, -0.2]
     sol = ao.solve(ao.Problem(body(thin(width, angle)), ao.Event(0, A), ao.Event(1, B)), tol=1e-6)
-    lengths = round_ellipse(A, B, width, angle)
-    found = min(lengths, key=lambda length: abs(length - np.sqrt(2 * sol.action)))
-    assert np.sqrt(2 * sol.action) == pytest.approx(found, rel=1e-9)
-    assert found == min(lengths) or width <= 0.01
+    return np.sqrt(2 * sol.action), sorted(round_ellipse(A, B, width, angle))
+
+
+@pytest.mark.parametrize(("width", "angle"), a_quarter([(0.015, -0.7), (0.1, 0.0), (0.03, 1.2)]))
+def test_a_string_round_the_edge_of_a_thin_wall(width, angle):
+    length, known = round_thin_wall(width, angle)
+    assert length == pytest.approx(known[0], rel=1e-9)
+
+
+def test_a_string_round_a_wall_of_a_hundredth_is_one_of_two():
+    length, known = round_thin_wall(0.01, 0.3)
+    assert any(length == pytest.approx(one, rel=1e-9) for one in known)
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=False, reason="Newton's method may lose a side, which rounding decides")
+def test_a_string_round_a_wall_of_a_hundredth_is_the_shorter_one():
+    length, known = round_thin_wall(0.01, 0.3)
+    assert length == pytest.approx(known[0], rel=1e-9)
 
 
 @pytest.mark.slow

@@ -103,6 +103,6 @@ def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[f
         inside = np.where(found < (start + end) / 2, 1.0, -1.0)
         off = np.minimum(found - start, end - found)
         apart = np.full(found.size, narrow)
-        for _ in range(BISECTIONS):  # to the width of what is next to an end
+        for _ in range(BISECTIONS if (off < narrow).any() else 0):  # to its width
             apart = np.where(rises(which, found, apart / 2) > 1, apart / 2, apart)
     return np.unique(np.where(off < apart, found + inside * apart, found)).tolist()
