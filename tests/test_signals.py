@@ -84,6 +84,27 @@ def test_whether_a_way_applies_takes_derivatives(problem):
         ao.solve(problem)
 
 
+class NearAndSpent(strategies.Strategy):
+    """A way that comes near a path, is lost there, and has used up what it may cost."""
+
+    cost = strategies.EXPENSIVE
+
+    def seek(self, ws):
+        assert ws.approach(strategies.PATIENT)
+        ws._note_unpolished(ws.here)
+        assert ws.unpolished is not None
+        ws.transcribe(ws.here.mesh, None)  # goes on elsewhere
+        ws.watch.most = -1.0
+        return False
+
+
+def test_a_verdict_on_families_is_not_left_half_done(monkeypatch):
+    """Near a path that was lost it is counted whether that is one of a family, at any cost."""
+    monkeypatch.setitem(BY_METHOD, "auto", (NearAndSpent("near", (4,)),))
+    found = ao.solve(QUESTIONS["events"], throw=False)
+    assert found.status is ao.Status.NOT_FOUND
+
+
 def counting(monkeypatch, number, at):
     """Call `at` before each factorization from the one with that number on; return their count."""
     count, real = [0], Factors.__init__

@@ -63,9 +63,19 @@ def test_below_the_energy_that_is_needed_a_sentence():
         ao.solve(throw(least))
 
 
+def test_no_lowest_energy_is_claimed_where_lower_ones_were_lost():
+    # Half an ellipse of Kepler's of least energy, -1/3; the first path found passes its centre.
+    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, [1, 0]), ao.Event(None, [-2, 0]), energy=-1 / 3)
+    first = FirstPaths(problem, 1e-8)
+    assert list(first.near())
+    assert "lowest energy" not in first.hint
+
+
 def test_behind_a_wall_the_sentence_says_so():
     wells = ao.System(lambda q, v, t: v[0] ** 2 / 2 - (q[0] ** 2 - 1) ** 2, ["x"])
-    for energy, ask in ((1.2, None), (0.5, "below the potential on the straight line")):
+    why = "no stationary path was found: the energy 0.5 is below the potential, 1, at x = 0, "
+    for energy, ask in ((1.2, None), (0.5, why)):
         problem = ao.Problem(wells, ao.Event(0.0, [-1.0]), ao.Event(None, [1.0]), energy=energy)
         if ask:
             with pytest.raises(ao.SolveError, match=ask):

@@ -148,8 +148,8 @@ def explain_barrier(problem: Problem) -> str:
         return ""
     place = ", ".join(f"{name} = {x:.6g}" for name, x in zip(system.coordinates, q[k], strict=True))
     return (
-        f"the energy {energy:.6g} is below the potential on the straight line, {rest[k]:.6g} at "
-        f"{place}, which every motion has to pass; give a larger energy"
+        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {place}, which every "
+        "motion has to pass; give a larger energy"
     )
 
 

@@ -54,6 +54,7 @@ def judge_family(ws: Workspace, solution: Solution) -> Solution:
     if solution.status in LOST and ws.unpolished is not None:
         ws.here = ws.unpolished
         problem, last = ws.answer()
+        last.tr.watch = None  # a verdict is not left half done, whatever the search has cost
         kept = {"path": last.path, "lam": last.rows.T, "action": last.action, "known": last}
         near = replace(solution, problem=problem, error=np.inf, **kept)
     try:

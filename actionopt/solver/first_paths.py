@@ -137,7 +137,7 @@ class FirstPaths:
         else:
             durations = self._durations_of_energy()
             if known is not None and known[1] < 0:
-                self.blocked = "the energy is below the potential on the straight line; "
+                self.blocked = "the energy is below the potential on the straight line"
             if known is not None:
                 durations.append(float(known[0][-1]))
         if not durations:
@@ -206,10 +206,14 @@ class FirstPaths:
                 yield aside
         excess, T = self.excess(self._sharp(low)), low.mesh.duration
         energy = float(self.problem.energy or 0)
-        self.hint = self.blocked + (
-            f"of the paths over {2 * SCANNED + 1} durations that were tried, the lowest energy "
-            f"is that over {T:.6g}, {energy - excess:.6g}"
-        )
+        tried = [at.mesh.duration for at in seen]
+        self.hint = self.blocked
+        if min(tried) < T < max(tried):  # elsewhere lower ones may have been lost
+            self.hint = (self.blocked and f"{self.blocked}; ") + (
+                f"of the paths over {len(seen)} durations from {min(tried):.3g} to "
+                f"{max(tried):.3g} that were found, the lowest energy is that over {T:.6g}, "
+                f"{energy - excess:.6g}"
+            )
         spread = max(float(np.ptp([self.excess(at) for at in seen])), abs(energy))
         self.merged = not crossed and abs(excess) < MERGED * spread
         if self.merged:

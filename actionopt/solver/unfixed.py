@@ -472,11 +472,11 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
     status, known = Status.NOT_FOUND, False
-    run.hint = explain_barrier(problem)
+    barrier = explain_barrier(problem)
 
     def tries() -> Iterator[tuple[Path, Array | None, str, bool]]:
         """Yield first paths with their multipliers, whence, and whether to damp the steps."""
-        if run.hint:
+        if barrier:
             return
         firsts = []
         for path, lam, how in islice(first.firsts(guess), None if thorough else 1):
@@ -541,4 +541,4 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
     hint = run.hint or first.hint
     if anywhere and not status.success:
         hint = f"{STOPS}; {hint}" if hint else STOPS
-    return solution, message_of(solution, tol, hint)
+    return solution, message_of(solution, tol, hint, barrier)

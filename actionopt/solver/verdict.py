@@ -41,9 +41,13 @@ def solution_of(ws: Workspace, status: Status, found_by: str, started: float) ->
     return Solution(problem, found.path, action, lam, error, status, stats, known=found)
 
 
-def message_of(solution: Solution, tol: float, hint: str = "") -> str:
-    """Return the verdict with its figures, and what to try next."""
+def message_of(solution: Solution, tol: float, hint: str = "", reason: str = "") -> str:
+    """Return the verdict with its figures, and what to try next.
+
+    A `reason` that is known stands in place of those that may be.
+    """
     problem, status = solution.problem, solution.status
+    verdict = f"{status.value.partition(': (a)')[0]}: {reason}" if reason else status.value
     figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
     if status in (Status.FLOOR, Status.DEGENERATE):
         figures += f", condition about {solution.stats['condition']:.1g}"
@@ -57,4 +61,4 @@ def message_of(solution: Solution, tol: float, hint: str = "") -> str:
         )
     if status is Status.NOT_FOUND and not is_there():
         hint += f"; {ABSENT}, which finds some paths that nothing else does"
-    return f"{problem.name}: {status.value} ({figures}){hint}"
+    return f"{problem.name}: {verdict} ({figures}){hint}"
