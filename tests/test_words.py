@@ -85,6 +85,10 @@ def test_tables_are_complete(name):
     assert not missing
 
 
+def test_every_table_is_spoken():
+    assert sorted(file.stem for file in TABLES.glob("*.json")) == OTHERS
+
+
 @pytest.mark.parametrize("name", OTHERS)
 def test_tables_have_a_line_for_each_entry_in_order(name):
     lines = json.dumps(dict(sorted(table(name).items())), indent=0, ensure_ascii=False) + "\n"

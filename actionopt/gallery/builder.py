@@ -27,10 +27,9 @@ from actionopt.gallery.page import Page
 from actionopt.mechanics.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.tools.files import write
+from actionopt.tools.texts import PACKAGE, PACKED, read
 from actionopt.tools.words import SPOKEN, language, say
 
-PACKAGE = Path(scenes.__file__).parent.parent
-SHARED = (PACKAGE / "gallery" / "static", PACKAGE / "plot" / "live" / "static")  # by all pages
 LIBRARIES = ("casadi", "matplotlib", "numpy")
 MANIFEST = "manifest.json"
 STORY, COURSE = "least", "course"
@@ -98,8 +97,8 @@ def build(
     there = {*wanted, *written}
     ahead = [name for name in wanted if not _stands(target, written.get(name), key, there)]
     total = len(wanted) + len(own)
-    for file in (file for folder in SHARED for file in folder.iterdir()):
-        write(target / file.name, file.read_bytes())
+    for name, content in common_files().items():
+        write(target / name, content)
     done = len(wanted) - len(ahead)
     with language(lang), closing(_build_pages(ahead, jobs, lang)) as made:
         for name, page in chain(((name, _own(own[name])) for name in own), made):
@@ -157,11 +156,19 @@ def _own(question: Scene | Problem) -> Page:
     return Page({"index.html": whole(question, above=above)}, title=heading_of(question))
 
 
+def common_files() -> dict[str, str | bytes]:
+    """Return what all pages use, by the names of files: a font, styles, scripts."""
+    from actionopt.plot.live.page import SCRIPTS, STATIC  # matplotlib, only now
+
+    files = {file.name: file.read_bytes() for file in (PACKAGE / "gallery" / "static").iterdir()}
+    return files | {name: read(STATIC / name) for name in ("style.css", "film.js", *SCRIPTS)}
+
+
 def sources(folder: Path = PACKAGE) -> str:
     """Return a digest of all that pages are made from: the package's files, and the libraries."""
     digest = sha256("".join(f"{name} {version(name)}\n" for name in LIBRARIES).encode())
     for file in sorted(folder.rglob("*")):
-        if file.suffix in (".py", ".html", ".json"):
+        if file.suffix in (".py", ".html", ".json", PACKED.suffix):
             digest.update(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
     return digest.hexdigest()
 

@@ -18,6 +18,7 @@ from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
+from actionopt.tools.texts import read
 from actionopt.tools.words import say
 
 SHORT_DURATION, LONG_DURATION = 0.7, 1.4  # durations of the two oscillators, in half periods
@@ -55,7 +56,7 @@ def story() -> Page:
         ),
         arrows=True,
     )
-    main = PARAGRAPH.sub(_translate, TEMPLATE.read_text(encoding="utf-8")).format(
+    main = PARAGRAPH.sub(_translate, read(TEMPLATE)).format(
         **values,
         **pictures,
         projectile=projectile,

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from actionopt.suite.program import Program
+from actionopt.tools.texts import read
 from actionopt.tools.types import Array
 
 KNOWN_FILE = Path(__file__).with_name("known.json")
@@ -41,4 +42,4 @@ def key(name: str, program: Program) -> str:
 @cache
 def table() -> dict[str, dict[str, Any]]:
     """Return the points of each problem, and the number of starts."""
-    return json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.is_file() else {}
+    return json.loads(read(KNOWN_FILE))

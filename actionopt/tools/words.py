@@ -15,8 +15,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from actionopt.tools.texts import read
+
 TABLES = Path(__file__).parent / "languages"
-SPOKEN = ("en", *sorted(file.stem for file in TABLES.glob("*.json")))
+SPOKEN = ("en", "de", "fr")
 _current: ContextVar[str] = ContextVar("language", default="en")
 
 
@@ -79,4 +81,4 @@ def table(name: str) -> Mapping[str, str]:
     """Return a language's table; English has none."""
     if name == "en":
         return {}
-    return json.loads((TABLES / f"{name}.json").read_text(encoding="utf-8"))
+    return json.loads(read(TABLES / f"{name}.json"))

@@ -13,6 +13,7 @@ import numpy as np
 
 from actionopt.plot.data.motion import SPRING_BREADTH, SPRING_TURNS, Motion
 from actionopt.tools.document import document
+from actionopt.tools.texts import read
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
@@ -85,9 +86,7 @@ SPEEDS = {
 
 def film_page(motion: Motion, title: str, time: str) -> str:
     """Return a page of one file with the player of a motion, times in the unit `time`."""
-    style, script = (
-        (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", "film.js")
-    )
+    style, script = (read(STATIC / name) for name in ("style.css", "film.js"))
     body = f"""<main><h1>{escape(title)}</h1>
 {player({**frames(motion), "unit": time}, title, "", clock=bool(time))}
 </main>

@@ -25,6 +25,7 @@ from actionopt.solver.solve import solve
 from actionopt.tools.document import document
 from actionopt.tools.files import ready, write
 from actionopt.tools.greek import letter
+from actionopt.tools.texts import read
 from actionopt.tools.words import say
 
 SCRIPTS = ("action.js", "sentences.js", "live.js")
@@ -93,9 +94,7 @@ def whole(
     solution = solve(problem, tol=PAGE_TOL, guess=guess)
     what = say("{title}: bend the path, and see its action", title=title)
     made = say("Made by actionopt {version}.", version=escape(__version__))
-    style, *scripts = (
-        (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", *SCRIPTS)
-    )
+    style, *scripts = (read(STATIC / name) for name in ("style.css", *SCRIPTS))
     code = "\n".join(f"<script>\n{text}</script>" for text in scripts)
     body = f"""<main>
 {above}<header class="title"><h1>{escape(title)}</h1>
