@@ -130,7 +130,7 @@ def test_an_energy_below_the_potential_at_an_end_is_no_search():
     problem = ao.Problem(bowl, ao.Event(0.0, [0.1, 0.0]), ao.Event(None, [1.0, 1.0]), energy=0.9)
     found = ao.solve(problem, throw=False)
     assert found.status is ao.Status.NOT_FOUND and not sum(found.stats["iterations"].values())
-    with pytest.raises(ao.SolveError, match="potential on the straight line, 1 at x = 1, y = 1"):
+    with pytest.raises(ao.SolveError, match="potential, 1, at x = 1, y = 1"):
         ao.solve(problem)
     assert ao.solve(problem.replace(energy=1.5)).success
 
