@@ -27,6 +27,10 @@ MIXED = ao.System(
 )
 
 
+STIFF = 4.0
+RING = ao.System(lambda q, v, a, t: (a @ a) / 2 + STIFF * (v @ v - 1) ** 2 / 4, ["x", "y"])
+
+
 def between(system, start, end, **more):
     """Return the path between events given as (t, q, v)."""
     events = [ao.Event(t, q, v=v) for t, q, v in (start, end)]
@@ -385,8 +389,11 @@ def test_what_is_refused_is_told():
         ao.Problem(first, ao.Event(0, [0], v=[1]), ao.Event(1, [0]))
     with pytest.raises(ValueError, match="expected 1 values of v"):
         ao.Problem(SPLINE, ao.Event(0, [0], v=[1, 2]), ao.Event(1, [0]))
-    with pytest.raises(ValueError, match="closed paths"):
-        ao.Problem(SPLINE, ao.Event(0, [0]), ao.Periodic(1.0))
+    with pytest.raises(ValueError, match="nothing is reflected"):
+        ends = ao.Event(0, [0]), ao.Event(2, [0])
+        ao.Problem(SPLINE, *ends, through=[ao.Bounce(lambda q, t: q[0])])
+    with pytest.raises(ValueError, match="gives no derivatives"):
+        ao.solve(ao.Problem(RING, ao.Event(0, [1, None], v=[0, 1]), ao.Periodic(5.0)))
     with pytest.raises(ValueError, match="neither constraints nor obstacles"):
         ao.System(lambda q, v, a, t: a[0] ** 2, ["x"], constraint=lambda q, t: q[0])
     with pytest.raises(ValueError, match="put a \\* before the parameters"):
@@ -405,6 +412,98 @@ def test_what_knows_the_first_order_alone_says_so():
     for ask in (path.opti, path.action_function, lambda: ao.integrate(SPLINE, path.start, 1.0)):
         with pytest.raises(ValueError, match="found one that contains accelerations"):
             ask()
+
+
+def test_closed_spline_through_points():
+    rng = np.random.default_rng(1)
+    t, points = np.array([0, 0.7, 1.5, 2.6, 3]), rng.normal(size=(5, 2))
+    points[-1] = points[0]
+    system = ao.System(lambda q, v, a, t: (a @ a) / 2, ["x", "y"])
+    gates = [ao.Event(*each) for each in zip(t[1:-1], points[1:-1], strict=True)]
+    problem = ao.Problem(system, ao.Event(0, points[0]), ao.Periodic(3.0), through=gates)
+    path, s = ao.solve(problem, tol=1e-11), np.linspace(0, 3, 60)
+    np.testing.assert_allclose(path(s).T, CubicSpline(t, points, bc_type="periodic")(s), atol=1e-12)
+    assert path.morse_index == 0
+
+
+def test_closed_path_of_a_beam_that_is_driven():
+    driven = ao.System(lambda q, v, a, t: a[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] * np.cos(t), ["x"])
+    problem = ao.Problem(driven, ao.Event(0, [None]), ao.Periodic(2 * math.pi))
+    path, t = ao.solve(problem, tol=1e-10), np.linspace(0, 2 * math.pi, 50)
+    np.testing.assert_allclose(path(t)[0], np.cos(t) / 2, atol=1e-12)  # q'''' + q = cos t
+    np.testing.assert_allclose(path.momenta, [[0, -0.5]] * 2, atol=1e-10)
+
+
+def circle(rate):
+    """Return the radius of the circle that is run through at a rate, and its energy."""
+    squared = 1 - rate**2 / STIFF
+    return math.sqrt(squared) / rate, rate**2 / 2 - 3 * rate**4 / (4 * STIFF)
+
+
+def count_in_waves(rate, highest=4):
+    """Return how many directions lower S of the circle, and how many leave it, among waves."""
+    T, (radius, _) = 2 * math.pi / rate, circle(rate)
+    t = np.arange(48) * T / 48
+    k = rate * np.arange(1, highest + 1)[:, None]
+    zero, cos, sin = np.zeros((1, 48)), np.cos(k * t), np.sin(k * t)
+    slope, bend = np.concatenate([zero, -sin / k, cos / k]), np.concatenate([zero, -cos, -sin])
+
+    def gradient(c):
+        v, a = (c.reshape(2, -1) @ rows for rows in (slope, bend))
+        force = STIFF * v * (np.sum(v * v, axis=0) - 1)
+        found = a @ bend.T + force @ slope.T
+        return found.ravel() * T / 48
+
+    at, step = np.zeros((2, len(slope))), 1e-5
+    at[0, 1] = at[1, 1 + highest] = radius * rate**2
+    rows = step * np.eye(at.size)
+    bent = np.array([gradient(at.ravel() + e) - gradient(at.ravel() - e) for e in rows])
+    found = np.linalg.eigvalsh((bent + bent.T) / (4 * step))
+    return int((found < -1e-6).sum()), int((np.abs(found) <= 1e-6).sum())
+
+
+@pytest.mark.parametrize("rate", [1.2, 0.7])
+def test_closed_path_that_may_begin_anywhere(rate):
+    radius, energy = circle(rate)
+    T = 2 * math.pi / rate
+
+    def near(t):
+        return 1.05 * radius * np.array([np.cos(rate * t), np.sin(rate * t)])
+
+    problem = ao.Problem(RING, ao.Event(0, [None, None]), ao.Periodic(T))
+    path, t = ao.solve(problem, guess=near, tol=1e-10), np.linspace(0, T, 41)
+    middle = path(t[:-1]).mean(axis=1)
+    np.testing.assert_allclose(np.hypot(*(path(t) - middle[:, None])), radius, rtol=1e-9)
+    np.testing.assert_allclose(path.energy(t), energy, rtol=1e-9)
+    index, nullity = count_in_waves(rate)
+    assert (path.inertia.index, path.inertia.nullity) == (index, nullity)
+    assert path.inertia.moves == 3  # along itself, and in two directions
+    # Its period follows from the energy: S + E T bends by -dE/dT.
+    known = ao.Problem(RING, ao.Event(0, [None, None]), ao.Periodic(None), energy=energy)
+    free = ao.solve(known, guess=ao.Path(path.mesh, 1.002 * path.path.values), tol=1e-10)
+    assert free.duration == pytest.approx(T, rel=1e-9)
+    assert free.morse_index == index + (circle(rate * 0.999)[1] > energy)
+
+
+def test_symmetries_conserve_what_they_do_in_any_order():
+    events = ao.Event(0, [0, 0], v=[1, 0.3]), ao.Event(2, [1, 0.5], v=[0, 1])
+    path, t = ao.solve(ao.Problem(RING, *events), tol=1e-11), np.linspace(0, 2, 7)
+    found = ao.find_symmetries(RING)
+    assert sorted(map(str, found)) == ["t: 1", "x: -y, y: x", "x: 1", "y: 1"]
+    for symmetry in found:
+        assert symmetry.conserved.drift(path) < 1e-10
+    turn = ao.noether(RING, lambda q, t: [-q[1], q[0]])
+    (x, y), (u, w), p = path(t), path.velocity(t), path.momentum(t)
+    known = x * p[1] - y * p[0] + u * p[3] - w * p[2]
+    q, v, *higher = path.derivatives(t)
+    np.testing.assert_allclose(turn(q, v, t, higher=higher), known, atol=1e-9)
+    np.testing.assert_allclose(higher[0], path.acceleration(t), atol=1e-7)
+    with pytest.raises(ValueError, match="2 higher derivatives"):
+        turn(q, v, t)
+    with pytest.raises(ValueError, match="expected a symmetry"):
+        ao.noether(RING, lambda q, t: [q[1], q[0]])
+    jerk = ao.System(lambda q, v, a, j, t: j[0] ** 2 / 2, ["x"])
+    assert "x: x, t: 0.4 t" in map(str, ao.find_symmetries(jerk))  # S goes as x^2 / t^5
 
 
 def test_equations_of_motion_in_sympy():

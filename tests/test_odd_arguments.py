@@ -210,7 +210,14 @@ def method_calls(folder):
     calls = {}
     for name in ("__call__", "velocity", "acceleration"):
         calls[f"Path.{name}"] = calls[f"Solution.{name}"] = at, {}
-    for name in ("constraint_force", "contact_force", "energy", "momentum", "multipliers"):
+    for name in (
+        "constraint_force",
+        "contact_force",
+        "derivatives",
+        "energy",
+        "momentum",
+        "multipliers",
+    ):
         calls[f"Solution.{name}"] = at, {}
     for name in (
         "acceleration",

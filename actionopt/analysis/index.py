@@ -31,7 +31,7 @@ from actionopt.analysis.second_variation import (
     second_derivatives,
 )
 from actionopt.discrete.bordered import Bordered, equations_of
-from actionopt.discrete.borders import Rows, moves_of
+from actionopt.discrete.borders import Rows, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, full
 from actionopt.discrete.transcription import Transcription
@@ -117,15 +117,19 @@ def inertia(
 
 def _count(
     at: DiscretePath, error: float, moves: int, asked: tuple[Bordered, Array] | None = None
-) -> tuple[Inertia, Form]:
+) -> tuple[Inertia, Form | None]:
     """Return the inertia over a given duration, and the form on which it was counted.
+
+    None where L contains accelerations: then it is counted on the mesh of the path.
 
     An eigenvalue that is zero comes to zero as the path comes to be exact, and another one does
     not: those that are near zero are counted again along a better path, which solves the equations
     `asked` where its duration was found: a family may be of one duration, and not of those beside.
     """
-    form = resolve(at, error, INDEX_RESOLUTION)
     tolerance = tolerance_of(error)
+    if at.tr.order > 1:
+        return _on_its_mesh(at, at.tr, at.z, tolerance), None
+    form = resolve(at, error, INDEX_RESOLUTION)
     found = _all_moves(form, max(tolerance, NEAR_ZERO), moves)
     if found.nullity <= moves:
         return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE)), form
@@ -159,7 +163,8 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     moves = moves_of(asked)
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)
-    bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
+    times = times_of(at.problem) if asked.is_joined else None
+    bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves, times=times)
     if isinstance(at.problem, Held):
         return _inertia_in_contact(bordered.discrete(y), tolerance_of(error), (bordered, y))
     known = bordered.phases

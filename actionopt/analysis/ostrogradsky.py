@@ -113,6 +113,11 @@ class CanonicalPath:
         """Return (v, j, ...), (order n, *t.shape)."""
         return self._states(t)[1]
 
+    def derivatives(self, t: Array) -> Array:
+        """Return (q, v, a, ...) at times t (K,), (2 order n, K)."""
+        below, rates = (x.reshape(self.at.tr.order, -1, t.size) for x in self._states(t))
+        return np.stack([below, rates], axis=1).reshape(-1, t.size)
+
     @cached_property
     def _momenta(self) -> Path:
         return momenta(self.at)

@@ -19,7 +19,7 @@ from actionopt.analysis.action_function import action_function, opti
 from actionopt.analysis.compare import Comparison, compare, join
 from actionopt.analysis.flow import ZERO_SIZE
 from actionopt.analysis.index import Inertia, inertia, inertia_asked, inertia_through
-from actionopt.analysis.ostrogradsky import compare_motion, energy, momenta
+from actionopt.analysis.ostrogradsky import CanonicalPath, compare_motion, energy, momenta
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
@@ -361,16 +361,29 @@ class Solution:
             return self._along_legs(energy, t)[0]
         return self._pointwise("energy", t)
 
-    def _along_legs(self, curve: Callable[[DiscretePath], Path], t: ArrayLike) -> Array:
+    def derivatives(self, t: ArrayLike) -> Array:
+        """Return what tells how a motion goes on, (2, n, *t.shape): q and v.
+
+        Where L contains accelerations (4, n, *t.shape), q, v, a and j, and so on: those that its
+        momenta tell, by these.
+        """
+        if self.problem.system.order == 1:
+            return np.stack([self(t), self.velocity(t)])
+        found = self._along_legs(lambda at: CanonicalPath(at, 0.0).derivatives, t)
+        return found.reshape(-1, self.problem.system.n, *found.shape[1:])
+
+    def _along_legs(
+        self, curve: Callable[[DiscretePath], Callable[[Array], Array]], t: ArrayLike
+    ) -> Array:
         """Return what is continuous between events at times t, (..., *t.shape)."""
         times = numbers(t, "the times")
         flat, parts = times.ravel(), self.parts
         begins = np.array([part.mesh.boundaries[0] for part in parts[1:]])
         leg = np.searchsorted(begins, flat, side="right")
-        curves = [curve(part.discrete) for part in parts]
-        found = np.empty((len(curves[0].values), flat.size))
-        for k, path in enumerate(curves):
-            found[:, leg == k] = path(flat[leg == k])
+        each = [curve(part.discrete)(flat[leg == k]) for k, part in enumerate(parts)]
+        found = np.empty((len(each[0]), flat.size))
+        for k, values in enumerate(each):
+            found[:, leg == k] = values
         return found.reshape(len(found), *times.shape)
 
     def acceleration(self, t: ArrayLike) -> Array:
@@ -429,7 +442,7 @@ class Solution:
         Of a path whose duration was to be found it is that of S + E T, the duration varying;
         `between_times` has the other.
         """
-        higher = self.problem.system.order > 1
+        higher = self.problem.system.order > 1 and not self.problem.closes
         if self.problem.through or self.problem.integral is not None or higher:
             return inertia_through(self.discrete, self.error)
         if self.problem.asked is not None or self.problem.closes:

@@ -307,6 +307,11 @@ class Action:
             z[layout.unknowns :] = lam[layout.row_node, layout.row_constraint] / self.mu_unit
         return z
 
+    def pack_curve(self, variation: Array) -> Array:
+        """Return x (unknowns,) of a variation of all nodes, (K, n), in the units of z."""
+        whole = variation if self.order == 1 else self.places_of(variation)
+        return whole.ravel()[self.layout.free] / self.x_unit
+
     def pack_places(self, places: Array) -> Array:
         """Return x (unknowns,) for what is at the nodes, (K, width)."""
         return places.ravel()[self.layout.free] / self.x_unit
@@ -427,7 +432,8 @@ class Action:
         x = z[: self.layout.unknowns] * self.x_unit
         Q.ravel()[self.layout.free] = x if self.x_origin is None else x + self.x_origin
         if self.problem.advance is not None:
-            Q[-1] = self.problem.closed_from(Q[0])
+            Q[-1] = Q[0, list(self.layout.closed)]
+            Q[-1, : self.problem.advance.size] += self.problem.advance
         return Q
 
     def relative_step(self, step: Array) -> float:
@@ -614,9 +620,9 @@ class Action:
         """Return the derivatives by x, in units of action, of those by all coordinates (K n)."""
         free = whole[self.layout.free]
         if self.layout.closed:  # the last node moves with the first
-            n = self.problem.system.n
-            first, last = self.layout.free[self.layout.free < n], np.empty(n)
-            last[list(self.layout.closed)] = whole[-n:]
+            width = self.layout.width
+            first, last = self.layout.free[self.layout.free < width], np.empty(width)
+            last[list(self.layout.closed)] = whole[-width:]
             free[: first.size] += last[first]
         return free * (self.x_unit / self.action_unit)
 

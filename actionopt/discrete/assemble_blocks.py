@@ -16,8 +16,7 @@ def kkt(tr: Action, z: Array) -> Array:
     x = z[: layout.unknowns]
     A, B, C = tr.second(x)
     if tr.order > 1:
-        F = tr.forces(x) if tr.problem.system.structure.forced else None
-        return _of_higher_order(tr, A, B, C, F)
+        return _of_higher_order(tr, _second(tr, x, A, B, C))
     constant = tr.problem.system.structure.constant_mass  # then the kinetic part is kept
     stiff = tr.memoize_if_constant("blocks", lambda: _stiff(tr, C)) if constant else []
     mass = C if constant else _mass(tr, C)
@@ -65,11 +64,19 @@ def kkt(tr: Action, z: Array) -> Array:
 
 
 def kinetic(tr: Action, z: Array) -> Array:
-    """Return the nonzeros of its kinetic part."""
+    """Return the nonzeros of its kinetic part.
+
+    Of a closed path of higher order r with int eta.L_aa eta dt / T^2r: it is definite, where a
+    constant variation has no rate.
+    """
     layout, n = tr.layout, tr.problem.system.n
     if tr.order > 1:
-        A, B, C = tr.second(z[: layout.unknowns])
-        return _of_higher_order(tr, 0 * A, 0 * B, C, None)
+        C, r = tr.second(z[: layout.unknowns])[2], tr.order
+        L = np.zeros((layout.evaluations, r + 1, n, r + 1, n))
+        L[:, r, :, r] = tr.problem.system.pointwise("second").full(2, C, symmetric=True)
+        if layout.closed:
+            L[:, 0, :, 0] = L[:, r, :, r] / tr.mesh.duration ** (2 * r)
+        return _of_higher_order(tr, L)
     nonzeros = np.zeros(layout.blocks.count)
     elements, _ = layout.blocks.split(nonzeros)
     for whole, pairs in zip(elements, _stiff(tr, tr.second(z[: layout.unknowns])[2]), strict=True):
@@ -81,23 +88,32 @@ def kinetic(tr: Action, z: Array) -> Array:
     return nonzeros
 
 
-def _of_higher_order(tr: Action, A: Array, B: Array, C: Array, F: list[Array] | None) -> Array:
-    """Return the matrix in blocks where L contains accelerations: sum w B_i' L_ij B_j (`element`).
+def _second(tr: Action, x: Array, A: Array, B: Array, C: Array) -> Array:
+    """Return the second derivatives of L by q, v, a, ... twice, (evaluations, r + 1, n, r + 1, n).
 
-    A, B, C are the second derivatives by (q, v, ...), by these and the highest derivative, and by
-    that twice; F are those of the forces by the same.
+    A, B, C are those by (q, v, ...), by these and the highest derivative, and by that twice; what
+    forces change by with the same is added.
     """
-    layout, n, r = tr.layout, tr.problem.system.n, tr.order
-    second, count = tr.problem.system.pointwise("second"), layout.evaluations
+    n, r, count = tr.problem.system.n, tr.order, tr.layout.evaluations
+    second = tr.problem.system.pointwise("second")
     L = np.zeros((count, r + 1, n, r + 1, n))
     L[:, :r, :, :r] = second.full(0, A, symmetric=True).reshape(count, r, n, r, n)
     L[:, :r, :, r] = second.full(1, B).reshape(count, r, n, n)
     L[:, r, :, :r] = L[:, :r, :, r].transpose(0, 3, 1, 2)
     L[:, r, :, r] = second.full(2, C, symmetric=True)
-    if F is not None:
-        force = tr.problem.system.pointwise("force_jacobian")
+    if tr.problem.system.structure.forced:
+        F, force = tr.forces(x), tr.problem.system.pointwise("force_jacobian")
         L[:, 0, :, :r] += force.full(0, F[0]).reshape(count, n, r, n)
         L[:, 0, :, r] += force.full(1, F[1])
+    return L
+
+
+def _of_higher_order(tr: Action, L: Array) -> Array:
+    """Return the matrix in blocks where L contains accelerations: sum w B_i' L_ij B_j (`element`).
+
+    Of second derivatives as `_second` has them.
+    """
+    layout, n, r = tr.layout, tr.problem.system.n, tr.order
     nonzeros = np.zeros(layout.blocks.count)
     elements, _ = layout.blocks.split(nonzeros)
     unit = tr.place_units.reshape(r, n)
@@ -114,12 +130,14 @@ def _of_higher_order(tr: Action, A: Array, B: Array, C: Array, F: list[Array] | 
         M = M * scale[:, :, :, None, None] * (scale / tr.action_unit)[:, None, None]
         at = (shape.node * layout.blocks.width + shape.derivative * n)[:, None] + np.arange(n)
         whole[:, at.ravel()[:, None], at.ravel()] = M.reshape(E, points * n, -1)
+    if layout.closed:
+        _close(tr, elements)
     return nonzeros
 
 
 def _close(tr: Action, elements: list[Array]) -> None:
     """Measure a closed path's last node in the units of the first one's coordinates that it is."""
-    ratio = tr.lengths[list(tr.layout.closed)] / tr.lengths
+    ratio = tr.place_units[list(tr.layout.closed)] / tr.place_units
     if (ratio == 1.0).all():
         return
     scale = np.ones(tr.layout.blocks.width)

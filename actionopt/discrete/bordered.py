@@ -103,7 +103,7 @@ class Bordered:
             assert times is not None
             if asked.integral is not None and kappa is None:
                 kappa = _fit_multipliers(asked.found_at(times), path, lengths)
-            problem = asked.found_at(times, kappa=kappa)
+            problem = asked.loose.found_at(times, kappa=kappa)
         else:
             problem = over(asked.loose, path.mesh.duration)
         tr = Transcription(problem, path.mesh, lengths, like=like)
@@ -224,7 +224,7 @@ class Bordered:
         ):
             return last
         if self.asked.is_joined:
-            problem = self.asked.found_at(times, kappa=kappa)
+            problem = self.free.found_at(times, kappa=kappa)
         elif self.asked.free_time:
             problem = self.free.with_times(*times.tolist())
         if self._like is not None and not (self.asked.is_joined or self._depends_on_clock):

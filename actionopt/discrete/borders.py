@@ -549,14 +549,14 @@ class PhaseCondition:
 
         `along`, (n, K) each, are these where there are more than along itself and by the `moves`.
         """
-        tr, z, n = at.tr, at.z, asked.system.n
+        tr, z = at.tr, at.z
         layout, size = tr.layout, tr.layout.size
         fields = [direction.T for direction in along]
         if not fields:
             fields = [tr.mesh.duration * at.path.velocity(tr.mesh.nodes).T]
             fields += [at.Q @ move.A.T + move.b for move in moves]
         root = np.sqrt(shares(tr))
-        xi = np.stack([f.ravel()[layout.free] / tr.x_unit for f in fields], axis=1)
+        xi = np.stack([tr.pack_curve(f) for f in fields], axis=1)
         # An independent set: a body that turns uniformly is turned as it goes on.
         norm = np.linalg.norm(root[:, None] * xi, axis=0)
         use = norm > DISTINCT
@@ -569,8 +569,8 @@ class PhaseCondition:
         # Coordinates that the start gives are conditions as far as they can be met by moving.
         known = asked.start.pinned if asked.closes else ()
         pinned = [int(layout.number[0, i]) for i in known]
-        size = np.zeros(n)
-        np.maximum.at(size, layout.free % n, np.linalg.norm(directions, axis=1))
+        size = np.zeros(layout.width)
+        np.maximum.at(size, layout.free % layout.width, np.linalg.norm(directions, axis=1))
         size = size[list(known), None]
         swift = SLOW if along else SWIFT  # what is one of a family can be made to begin there
         given = _independent(directions[pinned] / np.where(size > 0, size, 1.0), swift) if k else []
@@ -592,7 +592,7 @@ def shares(tr: Transcription) -> Array:
     layout = tr.layout
     weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count) / tr.mesh.duration
     weight[0] += weight[-1]  # of a closed path they are one
-    return weight[layout.free // tr.problem.system.n]
+    return weight[layout.free // layout.width]
 
 
 def _independent(rows: Array, swift: float) -> list[int]:

@@ -93,8 +93,8 @@ class Layout(MatrixLayout):
     start, end : tuple of int
         Indices of the places pinned at either end.
     closed : tuple of int
-        Of a path that closes, the first node's coordinate that each of the last node's is: it has
-        no unknowns and no rows of its own. Else empty.
+        Of a path that closes, the first node's place that each of the last node's is: it has no
+        unknowns and no rows of its own. Else empty.
     nodal : tuple of int
         Nodes whose coordinates are coupled by a term of their own (`nodal`).
     in_force : (K, m) array of bool, optional
@@ -493,7 +493,8 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
     known, order = problem.system.layouts, problem.system.order
     ends = problem.start.pinned_places(order), problem.end.pinned_places(order)
     partial = None
-    key = (mesh.degrees, *ends, problem.order, nodal)
+    closed = problem.closed_places
+    key = (mesh.degrees, *ends, closed, nodal)
     if isinstance(problem, Held):
         partial = problem.in_force(mesh.boundaries, mesh.offsets)
         key = (*key, b"" if partial is None else partial.tobytes())
@@ -504,7 +505,7 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
         inner = tuple(zip(at, pinned, strict=True))
         key = (*key, inner)
     with problem.system.lock:
-        parts = *ends, problem.order, nodal, partial, inner
+        parts = *ends, closed, nodal, partial, inner
         layout = known.pop(key, None) or Layout(problem.system, mesh, *parts)
         known[key] = layout
         while len(known) > LAYOUTS_KEPT:

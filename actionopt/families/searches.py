@@ -576,7 +576,7 @@ def _closes(c: Winding, solution: Solution) -> bool:
     p0, p1 = solution.momenta
     return bool(
         np.all(
-            np.abs(p1 - p0[list(c.problem.order)])
+            np.abs(p1 - p0[list(c.problem.closed_places)])
             <= CLOSED_MOMENTUM * np.maximum(size, 1e-3 * unit)
         )
     )

@@ -40,7 +40,7 @@ def _symbols_of(system: System) -> tuple[Symbols, list[ca.SX]]:
     return known, [*y, ca.SX.sym("y", n)]
 
 
-def _momenta(system: System, y: list[ca.SX]) -> list[ca.SX]:
+def momenta_by(system: System, y: list[ca.SX]) -> list[ca.SX]:
     """Return p_0, p_1, ..., p_r as expressions of y_0, y_1, ..., of which p_0 = 0 is the motion."""
     n, r, s = system.n, system.order, system.symbols
     slopes = ca.vertsplit(ca.gradient(system.L, ca.vertcat(s.q, s.v)), n)
@@ -55,7 +55,7 @@ def _momenta(system: System, y: list[ca.SX]) -> list[ca.SX]:
 
 def _momenta_of(system: System) -> Pointwise:
     s, y = _symbols_of(system)
-    p = ca.vertcat(*_momenta(system, y)[1:])
+    p = ca.vertcat(*momenta_by(system, y)[1:])
     by = ca.jacobian(p, ca.vertcat(*y[system.order : -1]))
     outputs = [ca.densify(p), ca.densify(by)]
     return Pointwise(ca.Function("momenta", [s.q, s.v, s.t, s.p], outputs))
@@ -64,7 +64,7 @@ def _momenta_of(system: System) -> Pointwise:
 def _motion_of(system: System) -> System:
     n, r = system.n, system.order
     s, y = _symbols_of(system)
-    equations = _momenta(system, y)[0]
+    equations = momenta_by(system, y)[0]
     if system.Q.numel():
         state = ca.vertcat(system.symbols.q, system.symbols.v)
         equations += ca.substitute(system.Q, state, ca.vertcat(*y[: r + 1]))

@@ -171,10 +171,11 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
                     f"expected {n} values of {name} ({', '.join(system.coordinates)}) at an event, "
                     f"found {len(row)}"
                 )
-        if system.order > 1 and (isinstance(event, (Periodic, Bounce)) or math.isinf(event.t or 0)):
+        if system.order > 1 and (isinstance(event, Bounce) or math.isinf(event.t or 0)):
             raise ValueError(
                 "expected events at finite times of a Lagrangian with accelerations, found "
-                f"{event!r}: closed paths, reflections and rests at infinity are not known of it"
+                f"{event!r}: velocities are continuous there, so that nothing is reflected, and "
+                "rests at infinity are not known"
             )
 
 
@@ -210,7 +211,15 @@ def _refuse(problem: Any, unknown: bool) -> None:
 
 
 def check_phase(problem: Any) -> None:
-    """Raise ValueError where not one thing tells where a closed path through events begins."""
+    """Raise ValueError where not one thing tells where a closed path begins."""
+    if problem.closes:
+        if problem.start.rates:
+            raise ValueError(
+                "expected a start of a closed path that gives no derivatives, found "
+                f"{problem.start!r}: begun anywhere along itself it may have any of these; give a "
+                "coordinate that it has at its start, or nothing"
+            )
+        return
     timed = any(e.t is not None for e in problem.through)
     if not (problem.start.pinned or timed):
         raise ValueError(
@@ -218,7 +227,8 @@ def check_phase(problem: Any) -> None:
             "at the start, no time of an event and no clock; give a coordinate that the path has "
             "at its start, such as Event(0, [0, None])"
         )
-    if problem.start.pinned and timed:
+    # With accelerations in L the start is then as one more waypoint: no velocity jumps there.
+    if problem.start.pinned and timed and problem.system.order == 1:
         raise ValueError(
             "expected a start that gives no coordinate of a closed path whose events have given "
             "times, found one that does: they tell where it begins, and it would return in a "

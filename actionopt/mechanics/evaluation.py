@@ -198,6 +198,7 @@ class NumericLaws(Laws):
 
     def _at(self, name: str, q, v, t, parameters) -> list[Array]:
         """Evaluate a compiled function at arguments of the user's shape: (rows, K) or (rows,)."""
+        self.check_order("a value at one q, v and t")
         arguments, single = self.arguments(q, v, t, parameters)
         results = self.pointwise(name)(*arguments)
         return [r[0].copy() if single else r.T.copy() for r in results]
@@ -207,7 +208,6 @@ class NumericLaws(Laws):
 
         Without v where it is `NO_VELOCITY`. Raises ValueError for shapes that do not fit.
         """
-        self.check_order("a value at one q, v and t")
         columns, single = _as_columns(q, self.n, "q")
         arguments = [columns.T]
         if v is not NO_VELOCITY:

@@ -28,16 +28,19 @@ def general_points(count: int, points: int = GENERIC) -> Array:
     return np.random.default_rng(POINTS_SEED).standard_normal((points, count))
 
 
-def general_states(n: int, points: int = GENERIC) -> tuple[Array, Array, Array]:
+def general_states(n: int, points: int = GENERIC, order: int = 1) -> tuple[Array, Array, Array]:
     """Return q, v (K, n) and t (K, 1) in general position, the first `points` of size one.
 
     Behind them come coordinates and velocities of all sizes: a term that is small beside the
-    others at one size is large beside them at another.
+    others at one size is large beside them at another. Of a higher `order` the first are the
+    derivatives below it, (K, order n), and the second those of it.
     """
     size = 10.0 ** np.array([(a, b) for a in SIZE_DECADES for b in SIZE_DECADES])
-    values = general_points(2 * n + 1, points + len(size))
-    size = np.concatenate([np.ones((points, 2)), size])
-    return values[:, :n] * size[:, :1], values[:, n:-1] * size[:, 1:], values[:, -1:]
+    values = general_points((order + 1) * n + 1, points + len(size))
+    q, v = np.concatenate([np.ones((points, 2)), size]).T
+    size = [q, *(v * (v / q) ** k for k in range(order))]
+    values[:, :-1] *= np.repeat(np.transpose(size), n, axis=1)
+    return values[:, : order * n], values[:, order * n : -1], values[:, -1:]
 
 
 def mismatch(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) -> Array:

@@ -10,7 +10,13 @@ and if it keeps the constraints, G xi + f_t tau = 0 where f = 0. Along every mot
 
     I = p . xi - H tau - F
 
-is constant.
+is constant. With accelerations in L, and so on, both have a term for each derivative of q,
+
+    R = sum_k L_k . xi_k + L_t tau + L tau' + Q . (xi - v tau),
+    xi_k = d(xi_(k - 1))/dt - q^(k) tau',    xi_0 = xi,
+    I = sum_k p_k . (xi - v tau)^(k - 1) + L tau - F,
+
+with Ostrogradsky's momenta p_1, p_2, ... (`canonical`).
 """
 
 from __future__ import annotations
@@ -24,6 +30,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.mechanics.canonical import momenta_by
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import (
@@ -54,18 +61,20 @@ class HasMotion(Protocol):
     @property
     def problem(self) -> Problem: ...  # noqa: D102
     def __call__(self, t: ArrayLike) -> Array: ...  # noqa: D102
-    def velocity(self, t: ArrayLike) -> Array: ...  # noqa: D102
+    def derivatives(self, t: ArrayLike) -> Array: ...  # noqa: D102
 
 
 @dataclass(frozen=True, eq=False)
 class Conserved:
     """A quantity I(q, v, t) that is constant along every motion; call it with them.
 
+    Where L contains accelerations it depends on higher derivatives as well, (a, j) and so on.
+
     Attributes
     ----------
     system : System
     terms : SX, (1, k)
-        I is the sum of these expressions in the system's symbols.
+        I is the sum of these expressions in the symbols of the system's `jet` and its others.
     """
 
     system: System
@@ -73,9 +82,9 @@ class Conserved:
 
     @cached_property
     def _sum(self) -> Pointwise:
-        """The terms as a function of q, v, t and the parameters."""
-        s = self.system.symbols
-        return Pointwise(ca.Function("conserved", [s.q, s.v, s.t, s.p], [ca.densify(self.terms)]))
+        """The terms as a function of q, v and so on, t and the parameters."""
+        arguments = _arguments(self.system)
+        return Pointwise(ca.Function("conserved", arguments, [ca.densify(self.terms)]))
 
     def __reduce__(self) -> tuple:
         """Carry the expressions as a function: the system has other symbols there."""
@@ -83,7 +92,8 @@ class Conserved:
 
     def __repr__(self) -> str:
         """Show of what it is, not the expressions."""
-        return f"Conserved(I(q, v, t) of {self.terms.numel()} terms, {self.system})"
+        of = "q, v, t" if self.system.order == 1 else "q, v, t, higher="
+        return f"Conserved(I({of}) of {self.terms.numel()} terms, {self.system})"
 
     def __call__(
         self,
@@ -91,10 +101,15 @@ class Conserved:
         v: ArrayLike,
         t: ArrayLike,
         *,
+        higher: Sequence[ArrayLike] = (),
         parameters: Mapping[str, ArrayLike] | None = None,
     ) -> Array:
-        """Return I, shape (K,) for q, v of shape (n, K), a 0-d array for (n,)."""
-        return np.sum(self._each(q, v, t, parameters), axis=-1)
+        """Return I, shape (K,) for q, v of shape (n, K), a 0-d array for (n,).
+
+        Where L contains accelerations, `higher` are a and j, with the jerk four of them, and so on:
+        `q, v, *higher = solution.derivatives(t)`. Raises ValueError for others, and other shapes.
+        """
+        return np.sum(self._each((q, v, *higher), t, parameters), axis=-1)
 
     def drift(self, solution: HasMotion, count: int = 201) -> float:
         """Return max over time of |I(t) - I(t0)| along a solution, over the size of I's terms.
@@ -106,22 +121,58 @@ class Conserved:
             raise ValueError(f"expected a Solution along which to look, found {solution!r}")
         problem, count = solution.problem, whole(count, "the number of times", 1)
         t = np.linspace(problem.start.t, problem.end.t, count)
-        terms = self._each(solution(t), solution.velocity(t), t, problem.parameters)
+        terms = self._each(solution.derivatives(t), t, problem.parameters)
         size = float(np.max(np.sum(np.abs(terms), axis=1)))
         value = np.sum(terms, axis=1)
         return float(np.max(np.abs(value - value[0]))) / size if size else 0.0
 
-    def _each(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, parameters) -> Array:
-        """Return the terms of I, (K, terms) or (terms,)."""
-        arguments, single = self.system.arguments(q, v, t, parameters)
-        values = self._sum(*arguments)[0].copy()
+    def _each(self, state: Sequence[ArrayLike] | Array, t: ArrayLike, parameters) -> Array:
+        """Return the terms of I, (K, terms) or (terms,), of q, v and so on, and the time."""
+        wanted = 2 * self.system.order
+        if len(state) != wanted:
+            raise ValueError(
+                f"expected q, v and {wanted - 2} higher derivatives, found {len(state) - 2} of "
+                "these; along a path they are q, v, *higher = solution.derivatives(t)"
+            )
+        pairs = [
+            self.system.arguments(state[k], state[k + 1], t, parameters)
+            for k in range(0, wanted, 2)
+        ]
+        arguments, single = pairs[0]
+        rows = [row for pair, _ in pairs for row in pair[:2]]
+        values = self._sum(np.hstack(rows[:-1]), rows[-1], *arguments[2:])[0].copy()
         return values[0] if single else values
 
 
+def jet_of(system: System) -> list[ca.SX]:
+    """Return the symbols of q and its derivatives up to that of order 2 r, r that of L's highest.
+
+    The first r + 1 are the system's own.
+    """
+    s, n, r = system.symbols, system.n, system.order
+
+    def build() -> list[ca.SX]:
+        below = ca.vertsplit(s.q, n) if r > 1 else [s.q]
+        return [*below, s.v, *(ca.SX.sym(f"q{k}", n) for k in range(r + 1, 2 * r + 1))]
+
+    return system.memoize("jet", build)
+
+
+def rate_of(system: System, x: ca.SX) -> ca.SX:
+    """Return dx/dt along a motion, of an expression of the time and all of the jet but its last."""
+    jet = jet_of(system)
+    return ca.jtimes(x, ca.vertcat(*jet[:-1], system.symbols.t), ca.vertcat(*jet[1:], 1))
+
+
+def _arguments(system: System) -> list[ca.SX]:
+    """Return what a conserved quantity depends on: derivatives below the highest, it, t and p."""
+    *below, highest = jet_of(system)[:-1]
+    return [ca.vertcat(*below), highest, system.symbols.t, system.symbols.p]
+
+
 def _restore(system: System, terms: ca.Function) -> Conserved:
-    """Return the conserved quantity whose terms a function of (q, v, t, p) gives."""
-    s = system.symbols
-    return Conserved(system, terms(s.q, s.v, s.t, s.p))
+    """Return the conserved quantity whose terms a function of `_arguments` gives."""
+    return Conserved(system, terms(*_arguments(system)))
 
 
 def noether(
@@ -133,6 +184,8 @@ def noether(
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> Conserved:
     """Return what a symmetry conserves, I = p . xi - H tau - F.
+
+    With accelerations in L it is Ostrogradsky's, I = sum_k p_k . (xi - v tau)^(k - 1) + L tau - F.
 
     Parameters
     ----------
@@ -169,12 +222,11 @@ def noether(
     >>> float(momentum([1.0, 2.0], [3.0, 5.0], 0.0))  # x y' - y x'
     -1.0
     """
-    check_system(system).check_order("what a symmetry conserves")
-    system.check_free("what is conserved without it may change in contact")
-    s, n = system.symbols, system.n
+    check_system(system).check_free("what is conserved without it may change in contact")
+    s, n, jet = system.symbols, system.n, jet_of(system)
     xi = _trace(system, generator, "generator", n)
     tau = _trace(system, time, "time", 1)
-    if ca.depends_on(tau, ca.vertcat(s.q, s.v)):
+    if ca.depends_on(tau, ca.vertcat(*jet)):
         raise ValueError("expected a rate of time tau(t) that depends on t alone")
     packed = system.table.pack(system.table.values(parameters))
     points = [*points_of(system, packed), packed]
@@ -201,7 +253,7 @@ def noether(
     moderate = [points[0][:GENERIC], points[1][:GENERIC], points[2][:GENERIC], packed]
     found = np.inf
     for k, F in enumerate(candidates):
-        rates = [-ca.jacobian(F, s.t), -(ca.jacobian(F, s.q) * s.v.T)]
+        rates = [-ca.jacobian(F, s.t), -(ca.jacobian(F, jet[0]) * jet[1].T)]
         # A numerical F is good at coordinates of size one only: at other sizes that there is
         # an F is enough.
         miss = _worst(ca.horzcat(R, *rates), arguments, moderate if k else points)
@@ -209,8 +261,11 @@ def noether(
             miss = _worst_curl(system, R, points)
         found = min(found, miss)
         if found <= CANCELLED:
-            Lv, L = system.derivatives.Lv, system.L
-            return Conserved(system, ca.horzcat((Lv * xi).T, -tau * (Lv * s.v).T, tau * L, -F))
+            terms, by_space, by_time = [tau * system.L, -F], xi, jet[1] * tau
+            for p in momenta_by(system, jet)[1:]:
+                terms += [(p * by_space).T, -(p * by_time).T]
+                by_space, by_time = rate_of(system, by_space), rate_of(system, by_time)
+            return Conserved(system, ca.horzcat(*terms))
     raise ValueError(
         "expected a symmetry, found that the Lagrangian changes by what is no total derivative "
         f"dF(q, t)/dt (by {found:.1e} of its terms); correct the generator, set `time` if it "
@@ -238,6 +293,7 @@ def is_mechanical(system: System, kinetic: Callable[..., Any]) -> bool:
     By Euler's theorem that is so where v . dT/dv = 2 T and V = T - L does not depend on v; not
     with coordinates that move, or with magnetic fields. Checked symbolically; section 12.5.1.
     """
+    system.check_order("a kinetic energy")
     s, packed = system.symbols, system.table.pack(system.parameters)
     T = _trace(system, kinetic, "kinetic", 1)
     points = [*points_of(system, packed), packed]
@@ -254,7 +310,7 @@ def _trace(system: System, given: Any, role: str, rows: int) -> ca.SX:
     fresh = system.table.symbols()
     named = system.table.by_name(fresh)
     arguments = {
-        "q": Expressions(s.q, 1),
+        "q": Expressions(system.place, 1),
         "v": Expressions(s.v, 1),
         "t": Expressions(s.t, 0),
     }
@@ -267,41 +323,53 @@ def _trace(system: System, given: Any, role: str, rows: int) -> ca.SX:
 
 def change(system: System, xi: ca.SX, tau: ca.SX) -> ca.SX:
     """Return the terms of R, one row."""
-    s, d, L = system.symbols, system.derivatives, system.L
-    slower = ca.jacobian(tau, s.t)
-    rate = ca.jacobian(xi, s.q) @ s.v + ca.jacobian(xi, s.t) - s.v * slower
-    terms = [(d.Lq * xi).T, (d.Lv * rate).T, ca.jacobian(L, s.t) * tau, L * slower]
+    s, d, L, jet = system.symbols, system.derivatives, system.L, jet_of(system)
+    slower, moved = ca.jacobian(tau, s.t), [xi]
+    for y in jet[1 : system.order + 1]:
+        moved.append(rate_of(system, moved[-1]) - y * slower)
+    slopes = [*(ca.vertsplit(d.Lq, system.n) if system.order > 1 else [d.Lq]), d.Lv]
+    terms = [(slope * rate).T for slope, rate in zip(slopes, moved, strict=True)]
+    terms += [ca.jacobian(L, s.t) * tau, L * slower]
     if system.Q.numel():
-        terms += [(system.Q * xi).T, -(system.Q * s.v * tau).T]
+        terms += [(system.Q * xi).T, -(system.Q * jet[1] * tau).T]
     return ca.horzcat(*terms)
 
 
-def euler(system: System, R: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return d/dt R_v and -R_q, columns that add up to nothing where R = dF(q, t)/dt."""
-    s = system.symbols
-    Rv = ca.gradient(R, s.v)
-    rate = ca.jacobian(Rv, s.q) @ s.v + ca.jacobian(Rv, s.v) @ a + ca.jacobian(Rv, s.t)
-    return rate, -ca.gradient(R, s.q)
+def euler(system: System, R: ca.SX) -> list[ca.SX]:
+    """Return columns (-d/dt)^k dR/dq^(k) that add up to nothing where R is a total derivative."""
+    found = []
+    for k, y in enumerate(jet_of(system)[: system.order + 1]):
+        slope = ca.gradient(R, y)
+        for _ in range(k):
+            slope = -rate_of(system, slope)
+        found.append(slope)
+    return found
 
 
-def accelerations_of(q: Array, v: Array) -> Array:
-    """Return accelerations in general position, (K, n), as large as on a circle."""
-    size = np.linalg.norm(v, axis=1) ** 2 / np.linalg.norm(q, axis=1)
-    return general_points(q.shape[1], len(q)) * size[:, None]
+def beyond(system: System, q: Array, v: Array) -> Array:
+    """Return derivatives above those that L contains, in general position, (K, order n).
+
+    As large as on a circle: each as much larger than the one below as v is than that below it.
+    """
+    n, r = system.n, system.order
+    rate = np.linalg.norm(v, axis=1) / np.linalg.norm(q[:, -n:], axis=1)
+    size = np.linalg.norm(v, axis=1)[:, None] * rate[:, None] ** np.arange(1, r + 1)
+    return general_points(r * n, len(q)) * np.repeat(size, n, axis=1)
 
 
 def _integral(system: System, R: ca.SX, base: float) -> ca.SX:
     """Return the F with dF/dt = R if there is one, from F = 0 at q = base, t = 0."""
-    s = system.symbols
+    s, jet = system.symbols, jet_of(system)
+    q, rates = jet[0], ca.vertcat(*jet[1 : system.order + 1])
     whole = ca.sum2(R)
-    at_rest = ca.substitute(whole, s.v, ca.SX.zeros(system.n))
-    slope = ca.substitute(ca.jacobian(whole, s.v), s.v, ca.SX.zeros(system.n))
+    at_rest = ca.substitute(whole, rates, ca.SX.zeros(rates.numel()))
+    slope = ca.substitute(ca.jacobian(whole, jet[1]), rates, ca.SX.zeros(rates.numel()))
     x, w = np.polynomial.legendre.leggauss(GAUGE_POINTS)
     F = ca.SX(1, 1)
     for at, weight in zip((x + 1) / 2, w / 2, strict=True):
-        along = ca.substitute(slope, s.q, base + at * (s.q - base)) @ (s.q - base)
+        along = ca.substitute(slope, q, base + at * (q - base)) @ (q - base)
         start = ca.SX(ca.DM.ones(system.n) * base)
-        before = ca.substitute([at_rest], [s.q, s.t], [start, at * s.t])[0]
+        before = ca.substitute([at_rest], [q, s.t], [start, at * s.t])[0]
         F += weight * (along + before * s.t)
     return F
 
@@ -309,10 +377,12 @@ def _integral(system: System, R: ca.SX, base: float) -> ca.SX:
 def points_of(system: System, packed: Array, count: int = GENERIC) -> tuple[Array, Array, Array]:
     """Return q, v (K, n) and t (K, 1) in general position, on the constraints and their rates.
 
+    As the system's functions take them: of L with accelerations q is (q, v), and v these.
+
     The first `count` of them are of size one, or nearly.
     """
     n, m = system.n, system.m
-    q, v, t = general_states(n, count)
+    q, v, t = general_states(n, count, system.order)
     if not m:
         return q, v, t
     q = general_points(n, len(q))  # surfaces have their own size
@@ -343,12 +413,11 @@ def points_of(system: System, packed: Array, count: int = GENERIC) -> tuple[Arra
 
 def _worst_curl(system: System, R: ca.SX, points) -> float:
     """Return how far d/dt R_v - R_q is from zero, which R = dF/dt makes it identically."""
-    s, a = system.symbols, ca.SX.sym("a", system.n)
-    columns = [side for term in ca.horzsplit(R) for side in euler(system, term, a)]
+    s, higher = system.symbols, ca.vertcat(*jet_of(system)[system.order + 1 :])
+    columns = [side for term in ca.horzsplit(R) for side in euler(system, term)]
     q, v, t, packed = points
-    accelerations = accelerations_of(q, v)
-    arguments = [s.q, s.v, a, s.t, s.p]
-    return _worst(ca.horzcat(*columns), arguments, [q, v, accelerations, t, packed])
+    arguments = [s.q, s.v, higher, s.t, s.p]
+    return _worst(ca.horzcat(*columns), arguments, [q, v, beyond(system, q, v), t, packed])
 
 
 def _worst(terms: ca.SX, arguments, points) -> float:

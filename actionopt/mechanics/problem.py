@@ -463,10 +463,15 @@ class Problem:
         """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
         return self.end.order if isinstance(self.end, Periodic) else ()
 
+    @property
+    def closed_places(self) -> tuple[int, ...]:
+        """The same of the coordinates and their derivatives below that of L's order, (order n,)."""
+        return tuple(k * self.system.n + i for k in range(self.system.order) for i in self.order)
+
     def closed_from(self, q: Array) -> Array:
         """Return what coordinates (n,) or (n, K) at the start of a path that closes are at its end.
 
-        Of rates and momenta only the order changes: `q[list(problem.order)]`.
+        Of rates and momenta only the order changes: `p[list(problem.closed_places)]`.
         """
         assert self.advance is not None
         return q[list(self.order)] + self.advance.reshape(-1, *[1] * (q.ndim - 1))
@@ -725,13 +730,15 @@ def _check_alike(problem: Problem) -> None:
             "expected a system without constraints and non-conservative forces where a path closes "
             "in another order, found one with; give the whole period, without relabel="
         )
-    q, v, t = np.split(general_points(2 * system.n + 1), [system.n, 2 * system.n], axis=1)
-    q, v = q * problem.scales, v * problem.scales
+    n, width = system.n, system.n * system.order
+    q, v, t = np.split(general_points(width + n + 1), [width, width + n], axis=1)
+    q, v = q * np.tile(problem.scales, system.order), v * problem.scales
     first = system.pointwise("first")
-    later = t if problem.free_time else t + problem.duration
+    later, moved = t if problem.free_time else t + problem.duration, q[:, problem.closed_places]
+    moved[:, :n] += advance
     with np.errstate(all="ignore"):
         L = first(q, v, t, problem.packed)[2][:, 0].copy()
-        there = first(q[:, order] + advance, v[:, order], later, problem.packed)[2][:, 0]
+        there = first(moved, v[:, order], later, problem.packed)[2][:, 0]
         off = np.abs(there - L) > SURFACE_TOLERANCE * (np.abs(L) + np.abs(there))
     if off.any():
         k = int(np.argmax(off))

@@ -16,11 +16,12 @@ from numpy.typing import ArrayLike
 from actionopt.mechanics.identity import GENERIC
 from actionopt.mechanics.noether import (
     Conserved,
-    accelerations_of,
+    beyond,
     change,
     cyclic,
     euler,
     is_mechanical,
+    jet_of,
     noether,
     points_of,
 )
@@ -86,7 +87,7 @@ def find_symmetries(
     """Return a basis of all symmetries affine in q and t: translations, rotations, boosts, ...
 
     R is linear in the n^2 + 2 n + 2 coefficients of xi and tau. It is a total derivative where
-    d/dt R_v - R_q vanishes identically, so that the coefficients of symmetries are the common
+    R_q - d/dt R_v + ... vanishes identically, so that the coefficients of symmetries are the common
     null space of that expression's values at points in general position. Each one found is
     verified as `noether` does, and has its conserved quantity. With constraints, the symmetries
     are those of L off their surface as well.
@@ -101,26 +102,23 @@ def find_symmetries(
     ----------
     Olver, *Applications of Lie Groups to Differential Equations* (2nd ed. 1993), section 4.4.
     """
-    check_system(system).check_order("a search for symmetries")
-    system.check_free("what is conserved without it may change in contact")
-    s, n = system.symbols, system.n
-    a = ca.SX.sym("a", n)
+    check_system(system).check_free("what is conserved without it may change in contact")
+    s, n, place = system.symbols, system.n, system.place
     c = ca.SX.sym("c", n * (n + 2) + 2)
-    xi = c[:n] + c[n + 1 : 2 * n + 1] * s.t + ca.reshape(c[2 * n + 1 : -1], n, n) @ s.q
+    xi = c[:n] + c[n + 1 : 2 * n + 1] * s.t + ca.reshape(c[2 * n + 1 : -1], n, n) @ place
     tau = c[n] + c[-1] * s.t
     R = ca.sum2(change(system, xi, tau))
-    rate, force = euler(system, R, a)
-    rows = [rate + force]
+    rows = [sum(euler(system, R), ca.SX.zeros(n))]
     if system.m:
         rows.append(system.derivatives.G @ xi + ca.jacobian(system.f, s.t) * tau)
     matrix = ca.jacobian(ca.vertcat(*rows), c)
     packed = system.table.pack(system.table.values(parameters))
     count = max(GENERIC, 3 * c.numel() // n)
     q, v, t = points_of(system, packed, count)
-    function = ca.Function("matrix", [s.q, s.v, a, s.t, s.p], [ca.densify(matrix)]).map(len(q))
-    accelerations = accelerations_of(q, v)
+    higher = ca.vertcat(*jet_of(system)[system.order + 1 :])
+    function = ca.Function("matrix", [s.q, s.v, higher, s.t, s.p], [ca.densify(matrix)]).map(len(q))
     p = np.broadcast_to(packed, (len(q), packed.size))
-    values = np.asarray(function(q.T, v.T, accelerations.T, t.T, p.T))
+    values = np.asarray(function(q.T, v.T, beyond(system, q, v).T, t.T, p.T))
     equations = values.reshape(matrix.shape[0], len(q), -1).reshape(-1, c.numel())
     equations = equations[np.isfinite(equations).all(axis=1)]
     size = np.max(np.abs(equations), axis=1, initial=0.0, keepdims=True)

@@ -63,7 +63,7 @@ def check_arguments(
 def check_problem(problem: Problem, others: Sequence[Any] = ()) -> None:
     """Raise ValueError if there is no problem, TypeError for `others` given without their names.
 
-    And ValueError where nothing tells where a closed path through events begins.
+    And ValueError where nothing tells where a closed path begins.
     """
     if not isinstance(problem, Problem):
         hint = "; make one of the system and the events" if isinstance(problem, System) else ""
@@ -77,7 +77,7 @@ def check_problem(problem: Problem, others: Sequence[Any] = ()) -> None:
         )
     asked = problem.asked or problem
     closed = isinstance(asked.end, Periodic) and not asked.system.structure.depends_on_time
-    if asked.through and closed:
+    if (asked.through and closed) or asked.closes:
         check_phase(asked)
 
 

@@ -726,7 +726,8 @@ class Search:
         if planned and free and steady:
             mesh = plan_mesh(self.ws.problem, self.tol, LINEAR)
         elif mesh is None:
-            mesh = self._uniform(LINEAR if planned else 1, self._fine_degree())
+            one = not planned and self.ws.problem.advance is None  # is the whole of a cubic
+            mesh = self._uniform(1 if one else LINEAR, self._fine_degree())
             mesh = curve_of(mesh).mesh if curve_of is not None else mesh
         self.ws.transcribe(mesh, None)
         if planned and free and not steady:

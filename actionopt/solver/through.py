@@ -198,7 +198,7 @@ def objection(solution: Solution) -> str:
     joints, packed = problem.joints, problem.packed
     if problem.advance is not None and not problem.system.structure.depends_on_time:
         p0, p1 = solution.momenta
-        if np.abs(p1 - p0[list(problem.order)]).max() > CLOSED_MOMENTUM * np.abs(p0).max():
+        if np.abs(p1 - p0[list(problem.closed_places)]).max() > CLOSED_MOMENTUM * np.abs(p0).max():
             return "the path found returns with another momentum, in a kink"
     for k, event in enumerate(joints):
         if not isinstance(event, Bounce):

@@ -210,6 +210,8 @@ class Unfixed(Workspace[UnfixedPath]):
         problem = over(self.problem, here.mesh.duration)
         if not self.problem.on_surface:
             tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
+            if tr.order > 1:
+                return problem, DiscretePath(tr, tr.pack_places(here.tr.place(here.x).places))
             return problem, DiscretePath(tr, tr.pack(here.Q, here.rows))
         if here.error < 1:  # else it is as large as the path, which ran away from any surface
             problem = self.problem.with_times(problem.start.t, problem.end.t, here.Q[[0, -1]])
