@@ -171,7 +171,7 @@ def test_what_a_scene_is_decides_its_figures(gallery):
     assert drag == {"motion", "thumbnail", "path", "conserved", "mesh"}
     assert rod >= drag | {"landscape", "slices", "bundle", "energies", "spectrum"}
     page = (gallery / "drag_quadratic" / "index.html").read_text(encoding="utf-8")
-    assert "leaves no action to compare" in page
+    assert "its motion is not where the action is stationary" in page
     assert "makes the action stationary" not in page and "no functional" not in page
     assert '"arrows"' not in page
     assert '"arrows"' in (gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8")

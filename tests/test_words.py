@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from helpers import a_quarter
+from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -23,6 +24,7 @@ from actionopt.plot._runs import QUANTITIES
 from actionopt.plot.live import film
 from actionopt.plot.live.page import STATIC, whole
 from actionopt.plot.live.words import PAGE_WORDS
+from actionopt.tools.document import document
 from actionopt.tools.words import SPOKEN, TABLES, language, say, table
 
 NOT_IN_PAGES = ("_explore.py", "_explore_parts.py")
@@ -103,6 +105,33 @@ def test_translations_have_the_same_values(name):
         numbers = [sorted(re.findall(r"(?<![\w.])\d+\.\d+", x)) for x in (text, other)]
         assert numbers[0] == numbers[1], text
         assert other.strip() == other or text.strip() != text
+
+
+def test_french_has_one_kind_of_apostrophe_and_keeps_signs_with_their_words():
+    for text in table("fr").values():
+        assert not re.search(r"[^\W\d_]'[^\W\d_]| [:;?!»](\s|$)", text), text
+
+
+def test_numbers_of_pages_have_the_mark_of_their_language():
+    body = '<p>0.5 m, 1e-13</p><img alt="9.81"><code>0.5</code><p lang="en">section 4.4</p> 0.1.0'
+    with language("fr"):
+        shown = document("", "", body)
+    assert (
+        "0,5\N{NO-BREAK SPACE}m, 1\N{MULTIPLICATION SIGN}10⁻¹³" in shown and 'alt="9,81"' in shown
+    )
+    assert all(kept in shown for kept in ("<code>0.5</code>", "section 4.4", " 0.1.0"))
+    assert "0.5\N{NO-BREAK SPACE}m" in document("", "", body)
+
+
+def test_numbers_in_pictures_have_the_mark_of_their_language(monkeypatch):
+    seen = []
+    drawn = RendererSVG.draw_text
+    monkeypatch.setattr(
+        RendererSVG, "draw_text", lambda *a, **k: (seen.append(a[4]), drawn(*a, **k))
+    )
+    with language("de"):
+        plot.svg(lambda f: f.subplots().plot([0.25, 1.75], [1.5e13, 2.5e13]))
+    assert any("," in text for text in seen) and not any("." in text for text in seen)
 
 
 @pytest.mark.slow

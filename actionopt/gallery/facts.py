@@ -10,12 +10,12 @@ import numpy as np
 
 from actionopt import scenes
 from actionopt.gallery import units
-from actionopt.gallery.page import number, typeset
+from actionopt.gallery.page import typeset
 from actionopt.gallery.subject import Subject
 from actionopt.solver.solve import solve
 from actionopt.tools.mathml import inline
 from actionopt.tools.types import Array
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 FACT_DIGITS = 10
 CONTACT_NUMBERS = "contact_begin", "contact_end", "contact_force"  # numbers that are compared

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from actionopt import plot
-from actionopt.gallery.page import escape, number, rounded, typeset
+from actionopt.gallery.page import escape, typeset
 from actionopt.gallery.subject import Subject, span
 from actionopt.plot.data.fan import is_aligned
 from actionopt.tools.greek import letter
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 Rule = tuple[Callable[[Subject], bool], str | None]  # None for a figure nobody misses
 
@@ -105,11 +105,15 @@ def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, 
 
 IF_FORCED: Rule = (
     lambda s: s.has_forces,
-    "A force that no potential gives leaves no action to compare.",
+    "A force stands beside the Lagrangian: its motion is not where the action is stationary.",
 )
 IF_DRAGGED: Rule = (
-    lambda s: s.has_forces,
+    lambda s: s.dissipates,
     "A force takes energy from the motion: H falls, as the energy function shows.",
+)
+IF_DRIVEN: Rule = (
+    lambda s: s.has_forces,
+    "A force stands beside the Lagrangian, whose work is neither in T nor in V.",
 )
 IF_LENGTH: Rule = (
     lambda s: s.scene.measure is not None,
@@ -299,10 +303,10 @@ def _motion(s: Subject, figure: Any) -> tuple[str, str]:
 def _contact(s: Subject, figure: Any) -> tuple[str, str]:
     plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=s.units)
     parts = ", ".join(
-        say("from {a} to {b} s", a=rounded(arc.begin), b=rounded(arc.end))
+        say("from {a} to {b} s", a=number(arc.begin, 3), b=number(arc.end, 3))
         for arc in s.solution.contacts
     )
-    most = rounded(float(s.solution.contact_force(s.t).max()))
+    most = number(float(s.solution.contact_force(s.t).max()), 3)
     alt = say(
         "Above, the path {motion}; below, the contact force against time, {most} at most; contact "
         "{parts}.",
@@ -311,7 +315,7 @@ def _contact(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say("Contact {parts}; elsewhere the force is zero.", parts=parts)
 
 
-@_kind("Kinetic and potential energy", IN_MOTION, IF_DRAGGED, IF_LENGTH, IF_MOVING)
+@_kind("Kinetic and potential energy", IN_MOTION, IF_DRAGGED, IF_DRIVEN, IF_LENGTH, IF_MOVING)
 def _energies(s: Subject, figure: Any) -> tuple[str, str]:
     plot.energies(s.solution, figure.subplots(), kinetic=s.scene.kinetic, units=s.units)
     T, V, t = s.energies.kinetic, s.energies.potential, s.energies.t
@@ -391,16 +395,16 @@ def fronts_caption(s: Subject) -> str:
 def _path(s: Subject, figure: Any) -> tuple[str, str]:
     plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=s.units)
     found = s.solution.compare()
-    most = found.reason or say("at most {x}", x=rounded(found.position, 2))
+    most = found.reason or say("at most {x}", x=number(found.position, 2))
     alt = say(
         "Above, the path {motion}, action {action} {unit}, with the forward integration over it; "
         "below, their deviation on a logarithmic axis, {most}, beside an error estimate of "
         "{error}.",
         motion=s.motion, action=f"{s.solution.action:.8g}", unit=s.units.action, most=most,
-        error=rounded(s.solution.error, 2),
+        error=number(s.solution.error, 2),
     )  # fmt: skip
     law = (
-        "The equations of Lagrange and d'Alembert, drag included, integrated from its start, "
+        "The equations of Lagrange and d'Alembert, with the force, integrated from its start, "
         "lead to the same events: they differ by {most} of its size."
         if s.has_forces
         else "The equations of motion, integrated from its start, lead the same way: they differ "
@@ -424,7 +428,7 @@ def _mesh(s: Subject, figure: Any) -> tuple[str, str]:
     alt = say(
         "The coordinates with the nodes on them, {elements} elements {degrees}; estimated error "
         "{error}.",
-        error=rounded(s.solution.error, 2), **values,
+        error=number(s.solution.error, 2), **values,
     )  # fmt: skip
     return alt, say(
         "{elements} polynomials in time {degrees}, {nodes} nodes; the estimated error is {error}.",

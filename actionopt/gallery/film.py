@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.gallery.page import number, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import Motion, landscape_data, motion, motion_data, svg
 from actionopt.plot._variations import level_lines
@@ -18,7 +17,7 @@ from actionopt.plot.live.drawing import FRAMES
 from actionopt.plot.live.film import frames, player
 from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
-from actionopt.tools.words import say, together
+from actionopt.tools.words import number, say, together
 
 FEWEST_OF_A_FILM = 10  # steps; ad hoc: fewer show no way down
 FILM_WIDTH = 1.5  # of the height, for one coordinate against time
@@ -163,8 +162,8 @@ def relaxing(subject: Subject) -> str:
     }
     values = {
         "title": say(subject.scene.title),
-        "first": rounded(found.action[0]),
-        "last": rounded(found.action[-1], 5),
+        "first": number(found.action[0], 3),
+        "last": number(found.action[-1], 5),
         "steps": len(found.action) - 1,
         "action": number(found.target_action, 5),
         "unit": unit,
@@ -238,8 +237,8 @@ def beside(*subjects: Subject) -> str:
         say(
             "{kind}: from {first} to {last} J s",
             kind=say(s.solution.kind),
-            first=rounded(f.action[0]),
-            last=rounded(f.action[-1]),
+            first=number(f.action[0], 3),
+            last=number(f.action[-1], 3),
         )
         for s, f in zip(subjects, found, strict=True)
     ]

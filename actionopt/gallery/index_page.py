@@ -86,8 +86,8 @@ def index_page(
 <p class="feature"><strong><a href="least.html">{say("Is it really least?")}</a></strong>
 <span>{story}</span></p></header>
 {_own(own)}{body}
-<p class="source">{say("The sections are those of")} <cite>Competitive Physics: Mechanics and
-Waves</cite> (2018), 12.</p>"""
+<p class="source">{say("The sections are those of")} <cite lang="en">Competitive Physics:
+Mechanics and Waves</cite> (2018), 12.</p>"""
     return frame(
         say("Gallery"), main, root="", description=say("Stationary action, scene by scene")
     )

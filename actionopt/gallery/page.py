@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,9 +16,7 @@ __all__ = [
     "Page",
     "escape",
     "frame",
-    "number",
     "prose",
-    "rounded",
     "table",
     "typeset",
 ]
@@ -92,31 +89,6 @@ def frame(
 </main>
 <footer class="site"><p>{made}</p></footer>"""
     return document(f"{title} - actionopt", head, body, description)
-
-
-def number(value: float, digits: int = 6) -> str:
-    """Return a number as HTML, powers of ten written out.
-
-    >>> number(9.6481), number(-1.25e-10), number(3)
-    ('9.6481', '&minus;1.25 &times; 10<sup>&minus;10</sup>', '3')
-    """
-    if not math.isfinite(value):
-        return "none"
-    mantissa, _, power = f"{value + 0.0:.{digits}g}".partition("e")
-    text = mantissa.replace("-", "&minus;")
-    if not power:
-        return text
-    exponent = str(int(power)).replace("-", "&minus;")
-    return f"{text} &times; 10<sup>{exponent}</sup>"
-
-
-def rounded(value: float, digits: int = 3) -> str:
-    r"""Return a number as plain words, for alternative texts and labels.
-
-    >>> rounded(9.6481), ascii(rounded(-2.5e-10))[1:-1]
-    ('9.65', '\\u22122.5e\\u221210')
-    """
-    return f"{value + 0.0:.{digits}g}".replace("-", "\N{MINUS SIGN}")
 
 
 def prose(text: str) -> str:

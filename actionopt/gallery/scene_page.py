@@ -13,7 +13,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.gallery import film, units
 from actionopt.gallery.facts import facts_of
 from actionopt.gallery.figures import IN_CHECK, IN_MOTION, IN_PRINCIPLE, Figure, figures
-from actionopt.gallery.page import Page, escape, frame, number, prose, table, typeset
+from actionopt.gallery.page import Page, escape, frame, prose, table, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts, texts_of_own
 from actionopt.mechanics.course import SWITCHES
@@ -24,7 +24,7 @@ from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.tools.formula import formula
 from actionopt.tools.mathml import mathml, symbol
 from actionopt.tools.types import EPS
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 SOLVING = """\
 solution = ao.solve(scene.problem, tol=1e-10, guess=scene.guess)
@@ -163,7 +163,7 @@ def _opening(scene: scenes.Scene, words: Texts) -> str:
     if words.statement:
         parts.append(f'<p class="statement">{statement}</p>')
     if scene.source:
-        parts.append(f'<p class="source">{escape(scene.source)}</p>')
+        parts.append(f'<p class="source" lang="en">{escape(scene.source)}</p>')
     return "\n".join(parts)
 
 
@@ -231,8 +231,8 @@ def _principle(s: Subject, words: Texts) -> str:
         "one makes the action least. Where it touches, f = 0, the obstacle presses with a force "
         "that is not negative, along the gradient of f; elsewhere there is none. For each "
         "coordinate",
-        "forced": "A force Q that no potential gives stands beside the Lagrangian in the "
-        "equations of Lagrange and d'Alembert. For each coordinate",
+        "forced": "A force Q, which is not in the Lagrangian, stands beside it in the equations of "
+        "Lagrange and d'Alembert. For each coordinate",
     }
     which = (
         "forced" if s.has_forces else "held" if system.m else "touching" if s.touches else "least"
@@ -314,7 +314,7 @@ def tags(s: Subject) -> tuple[str, ...]:
         found.append(say("depends on time"))
     if s.touches:
         found.append(say("touches an obstacle"))
-    return (*found, say("drag") if s.has_forces else s.verdict)
+    return (*found, say("drag") if s.dissipates else s.verdict)
 
 
 def _count(count: int, one: str, many: str) -> str:

@@ -13,13 +13,13 @@ import numpy as np
 from actionopt import plot, scenes
 from actionopt.gallery.figures import Figure, one, pair
 from actionopt.gallery.film import beside
-from actionopt.gallery.page import Page, frame, rounded
+from actionopt.gallery.page import Page, frame
 from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
 from actionopt.tools.texts import read
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 SHORT_DURATION, LONG_DURATION = 0.7, 1.4  # durations of the two oscillators, in half periods
 TEMPLATE = Path(__file__).parent / "templates" / "least.html"
@@ -114,8 +114,8 @@ def _landscapes(short: Subject, long: Subject) -> Figure:
             "Two contour maps of the action over two variations. Left, after {short} s: closed "
             "contours around a lowest point. Right, after {long} s: from the middle the action "
             "falls to two sides and rises to the other two.",
-            short=rounded(short.t[-1]),
-            long=rounded(long.t[-1]),
+            short=number(short.t[-1], 3),
+            long=number(long.t[-1], 3),
         ),
         say(
             "The oscillator's action over its two lowest modes, for a short and for a long motion."
@@ -134,8 +134,8 @@ def _slices(short: Subject, long: Subject) -> Figure:
         say(
             "The action along the two lowest modes. Left, after {short} s: two parabolas that open "
             "upward. Right, after {long} s: the first opens downward, the second upward.",
-            short=rounded(short.t[-1]),
-            long=rounded(long.t[-1]),
+            short=number(short.t[-1], 3),
+            long=number(long.t[-1], 3),
         ),
         say(
             "Cuts through the two landscapes. The action of the oscillator is a parabola, and so "
@@ -152,8 +152,8 @@ def _fan(long: Subject) -> Figure:
         say(
             "Motions of the oscillator that leave one event with different velocities and all meet "
             "at t = {focus} s; the motion itself goes on to {end} s.",
-            focus=rounded(focus.t, 5),
-            end=rounded(long.t[-1]),
+            focus=number(focus.t, 5),
+            end=number(long.t[-1], 3),
         ),
         say(
             "The focus was found at {focus} s; half a period is {half} s.",
@@ -172,8 +172,8 @@ def _spectrum(long: Subject) -> Figure:
         say(
             "Three falling curves, the eigenvalues against the duration; the lowest passes zero at "
             "{focus} s and reaches {last} at the end.",
-            focus=rounded(focus.t, 4),
-            last=rounded(lowest[-1]),
+            focus=number(focus.t, 4),
+            last=number(lowest[-1], 3),
         ),
         say("In units in which the eigenvalues of a free particle are 1, 4, 9 for every duration."),
     )
@@ -186,7 +186,7 @@ def _census() -> str:
     for name in scenes.SCENES:
         scene = scenes.get(name)
         if scene.problem.system.structure.forced:
-            kinds["drag"] += 1
+            kinds["forced"] += 1
             continue
         solution = solve(scene.problem, tol=1e-10, guess=scene.guess)
         kinds[solution.kind] += 1
@@ -194,11 +194,11 @@ def _census() -> str:
             saddles.append(f"{say(scene.title)} ({solution.morse_index})")
     return say(
         "Of the {count} scenes, with the numbers they have here, {least} follow a path of least "
-        "action and {more} one that is a saddle: {names}, with the index in brackets. {drag} have "
-        "drag, and so no action to be least.",
+        "action and {more} one that is a saddle: {names}, with the index in brackets. {forced} "
+        "have a force beside L, and their motion is not where the action is stationary.",
         count=len(scenes.SCENES),
         least=kinds["minimum"],
         more=len(saddles),
         names="; ".join(saddles),
-        drag=kinds["drag"],
+        forced=kinds["forced"],
     )

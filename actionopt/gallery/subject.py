@@ -10,14 +10,13 @@ import numpy as np
 
 from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
 from actionopt.analysis.solution import Solution
-from actionopt.gallery.page import rounded
 from actionopt.mechanics.system import System
 from actionopt.plot import Energies, UnitNames, energies_data, motion_data, planar
 from actionopt.plot._names import units_of
 from actionopt.scenes import Scene
 from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 SUBJECT_TIMES = 201
 ZERO_RANGE = 1e-9  # ranges this small relative to the size count as zero
@@ -37,8 +36,18 @@ class Subject:
 
     @property
     def has_forces(self) -> bool:
-        """Whether a non-conservative force acts, so that no functional is stationary."""
+        """Whether a force stands beside L: the motion is not where its action is stationary."""
         return self.solution.problem.system.structure.forced
+
+    @cached_property
+    def dissipates(self) -> bool:
+        """Whether the forces beside L take energy from the motion, Q . v <= 0 at all times."""
+        if not self.has_forces:
+            return False
+        problem = self.solution.problem
+        force = problem.system.force(self.q, self.v, self.t, parameters=problem.parameters)
+        power = np.sum(force * self.v, axis=0)
+        return bool(power.max() <= ZERO_RANGE * -power.min())
 
     @property
     def touches(self) -> bool:
@@ -106,7 +115,7 @@ class Subject:
 
     @cached_property
     def conjugate(self) -> tuple[ConjugatePoint, ...]:
-        """Times conjugate to the start, up to the end; none where there is no functional.
+        """Times conjugate to the start, up to the end; none with a force beside L.
 
         Nor along an obstacle, whose neighbours lie to one side.
         """
@@ -116,7 +125,7 @@ class Subject:
     def verdict(self) -> str:
         """What the action is at the path: a minimum, a saddle of some index."""
         if self.has_forces:
-            return say("no functional")
+            return say("a force beside L")
         index, kind = self.solution.morse_index, say(self.solution.kind)
         return say("{kind}, index {index}", kind=kind, index=index) if index else kind
 
@@ -124,7 +133,7 @@ class Subject:
         """Return coordinates in words, with units, the first four of them."""
         names = self.solution.problem.system.coordinates
         parts = [
-            f"{letter(n)} = {rounded(x)} {self.units.coordinate(n)}"
+            f"{letter(n)} = {number(x, 3)} {self.units.coordinate(n)}"
             for n, x in zip(names, q, strict=True)
         ]
         more = say(" and {count} more", count=len(parts) - 4) if len(parts) > 4 else ""
@@ -136,12 +145,14 @@ class Subject:
         start, end = (self.event(e.q) for e in (self.solution.start, self.solution.end))
         if not self.units.time:
             return say("from {start} to {end}", start=start, end=end)
-        return say("from {start} to {end} in {T} s", start=start, end=end, T=rounded(self.duration))
+        return say(
+            "from {start} to {end} in {T} s", start=start, end=end, T=number(self.duration, 3)
+        )
 
     @property
     def foci(self) -> str:
         """When neighbouring paths meet the path again, in words."""
-        times = [f"{rounded(p.t, 4)} {self.units.time}".rstrip() for p in self.conjugate]
+        times = [f"{number(p.t, 4)} {self.units.time}".rstrip() for p in self.conjugate]
         if not times:
             return say("no time before the end is conjugate to the start")
         return say("conjugate to the start: {times}", times=", ".join(times))
@@ -152,6 +163,6 @@ def span(values: Array, unit: str, size: float = 0.0) -> str:
     low, high = float(np.min(values)), float(np.max(values))
     least = ZERO_RANGE * max(abs(low), abs(high), size, 1e-300)
     if high - low <= least:
-        x = rounded(high if abs(high) > least else 0.0)
+        x = number(high if abs(high) > least else 0.0, 3)
         return say("constant, {x} {unit}", x=x, unit=unit)
-    return say("from {low} to {high} {unit}", low=rounded(low), high=rounded(high), unit=unit)
+    return say("from {low} to {high} {unit}", low=number(low, 3), high=number(high, 3), unit=unit)

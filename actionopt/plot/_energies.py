@@ -13,7 +13,7 @@ from actionopt.plot import _style as style
 from actionopt.plot._names import NO_UNITS, UnitNames, label, symbol
 from actionopt.plot.data.along import Kinetic, conserved_data, energies_data
 from actionopt.plot.data.arguments import check_arguments
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 
 @style.styled
@@ -58,7 +58,7 @@ def energies(
         ax.plot(*style.break_at_events(t, values, solution), **look, label=text)
     style.mark_events(ax, solution)
     ax.set(xlabel=label(units.clock, units.time), ylabel=label("energy", units.energy))
-    S = f"{style.number(solution.action)} {units.action}".rstrip()
+    S = f"{number(solution.action)} {units.action}".rstrip()
     ax.set_title(f"{style.heading(solution)}: $S = \\int ({T_name} - {V_name})\\,dt$ = {S}")
     ax.margins(x=0)
     style.legend_above(ax, 4 if data.told else 2)

@@ -15,7 +15,7 @@ from actionopt.plot._names import NO_UNITS, UnitNames, label, planar
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.fan import FRONTS, Fronts, fan_data, fronts_data, over_plane, over_time
 from actionopt.tools.types import Array
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 SAME_TIMES = 8
 EVERY = 12  # motions, one is drawn
@@ -100,7 +100,7 @@ def wavefronts(
         _paths(ax, data.t, data.q[::2, 0].T, 0.7)
     else:
         _plane(ax, solution, data, units)
-        time = f"{style.number(data.t[-1], 3)} {units.time}".rstrip()
+        time = f"{number(data.t[-1], 3)} {units.time}".rstrip()
         words = say("fronts of $S$ at $t$ = {time}", time=time)
     for x, y, _ in style.traces(names, data.t, solution(data.t)):
         ax.plot(x, y, **style.true(), label=say("stationary path"))

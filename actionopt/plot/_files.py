@@ -25,7 +25,7 @@ from actionopt.plot._style import IF_ROOM, figure_size, styled
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.checks import numbers
 from actionopt.tools.files import ready, whole
-from actionopt.tools.words import together
+from actionopt.tools.words import numerals, together
 
 LINES = re.compile(r' d="[^"]*"')
 UNBROKEN = re.compile(r"\$[^$]*\$|\s\([^()]{1,8}\)")  # mathematics; a unit after its quantity
@@ -68,6 +68,13 @@ def svgs(draw: Callable[[Figure], Any], *sizes: tuple[float, float]) -> list[str
     return found
 
 
+class _Renderer(RendererSVG):
+    """One that writes numbers as the reader's language has them."""
+
+    def draw_text(self, gc: Any, x: Any, y: Any, s: str, *rest: Any, **more: Any) -> None:
+        super().draw_text(gc, x, y, numerals(s), *rest, **more)
+
+
 def _svg_of(figure: Figure) -> str:
     """Return a figure as SVG, laid out once: `savefig` draws everything twice.
 
@@ -76,7 +83,7 @@ def _svg_of(figure: Figure) -> str:
     """
     figure.dpi = 72  # as in the file
     text, (width, height) = StringIO(), figure.get_size_inches()
-    renderer: Any = RendererSVG(72 * width, 72 * height, text, metadata={"Date": None})
+    renderer: Any = _Renderer(72 * width, 72 * height, text, metadata={"Date": None})
     renderer._text2path = text_to_path
     figure._get_renderer = lambda: renderer  # type: ignore[attr-defined]
     engine = figure.get_layout_engine()

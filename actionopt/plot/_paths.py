@@ -21,7 +21,7 @@ from actionopt.plot._names import NO_UNITS, UnitNames, label, planar, symbol
 from actionopt.plot.data.along import curves, family_data, forward_values, mesh_data, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.types import Array
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 BADGE: Any = {"boxstyle": "circle,pad=0.2", "edgecolor": style.GREY}
 # Parts of the longer range of two axes of equal scales: either may reach so far. Ad hoc.
@@ -73,7 +73,7 @@ def paths(
     style.frame(ax, solution, units)
     _impulses(ax, solution)
     _surfaces(ax, solution, t)
-    S = f"{style.number(solution.action, 8)} {units.action}".rstrip()
+    S = f"{number(solution.action, 8)} {units.action}".rstrip()
     ax.set_title(f"{style.heading(solution)}: $S$ = {S}")
     style.legend(ax)
     return ax
@@ -272,7 +272,7 @@ def mesh(
     below.set(xlabel=label(units.clock, units.time), ylabel=label("degree"))
     above.set_ylabel(label("coordinates", *map(units.coordinate, names)))
     style.legend(above, beside=True)
-    values = {"count": degrees.size, "error": style.number(solution.error, 1)}
+    values = {"count": degrees.size, "error": number(solution.error, 1)}
     words = say("{count} elements, error about {error}", **values)
     above.set_title(f"{style.heading(solution)}: {words}")
     return above, below

@@ -54,6 +54,7 @@ STYLE: Any = {
     "axes.prop_cycle": cycler(color=list(COLOURS)),
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.formatter.use_mathtext": True,
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.titlesize": "medium",
@@ -343,16 +344,6 @@ def legend_above(ax: Axes, columns: int) -> None:
 def legend_below(ax: Axes, columns: int) -> None:
     """Explain the lines in rows below the picture, where there is no room in it."""
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=columns)
-
-
-def number(x: float, digits: int = 6) -> str:
-    r"""Return a number as mathematics.
-
-    >>> number(-1.5), number(2e-9, 1)
-    ('$-1.5$', '$2\\times10^{-9}$')
-    """
-    mantissa, _, exponent = f"{x:.{digits}g}".partition("e")
-    return f"${mantissa}\\times10^{{{int(exponent)}}}$" if exponent else f"${mantissa}$"
 
 
 def new_figure(

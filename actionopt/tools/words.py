@@ -7,6 +7,7 @@ has not is shown in English.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -50,6 +51,49 @@ def together(text: str) -> str:
     "'9.81\\xa0J\\xa0s at index\\xa02'"
     """
     return UNPARTED.sub("\N{NO-BREAK SPACE}", text)
+
+
+# The point of a number, of which parts of versions have more than one; its power of ten.
+POINT = re.compile(r"(?<![\w.])(\d+)\.(\d+)(?!\d*\.\d)")
+POWER = re.compile(r"(?<=\d)e([-+\u2212])0*(\d+)\b")
+SUPERSCRIPTS = str.maketrans(
+    "-\u22120123456789",
+    "\u207b\u207b\u2070\u00b9\u00b2\u00b3" + "\u2074\u2075\u2076\u2077\u2078\u2079",
+)
+
+
+def number(value: float, digits: int = 6) -> str:
+    r"""Return a number as it is read: a true minus, powers of ten, the language's decimal mark.
+
+    >>> number(9.6481), ascii(number(-1.25e-10))[1:-1], ascii(number(1.5e13))[1:-1]
+    ('9.6481', '\\u22121.25\\xd710\\u207b\\xb9\\u2070', '1.5\\xd710\\xb9\\xb3')
+    """
+    if not math.isfinite(value):
+        return "\N{EM DASH}"
+    return numerals(f"{value + 0.0:.{digits}g}".replace("-", "\N{MINUS SIGN}"))
+
+
+def numerals(text: str) -> str:
+    """Return a text with its numbers as they are read: powers of ten, and the decimal mark.
+
+    Formulas between dollars are for matplotlib, which puts a blank after a comma.
+
+    >>> with language("de"):
+    ...     numerals("9.81 m, $0.5$, version 0.1.0")
+    '9,81 m, $0{,}5$, version 0.1.0'
+    """
+    text = POWER.sub(_power, text)
+    if _current.get() == "en":
+        return text
+    parts = text.split("$")
+    for k, part in enumerate(parts):
+        formula = k % 2 and len(parts) % 2  # a dollar alone is none
+        parts[k] = POINT.sub(r"\1{,}\2" if formula else r"\1,\2", part)
+    return "$".join(parts)
+
+
+def _power(found: re.Match[str]) -> str:
+    return "\u00d710" + (found[1].strip("+") + found[2]).translate(SUPERSCRIPTS)
 
 
 def current() -> str:

@@ -12,7 +12,7 @@ from actionopt.gallery.course.lesson import Lesson
 from actionopt.gallery.course.lessons import BY_NAME
 from actionopt.mechanics.tracing import suggestion
 from actionopt.tools.files import write
-from actionopt.tools.words import current, say
+from actionopt.tools.words import current, numerals, say
 
 EXPLORER = """\
 from actionopt import plot, scenes
@@ -67,7 +67,7 @@ def notebook(lesson: Lesson, answers: bool) -> dict[str, Any]:
 
 
 def _words(text: str) -> dict[str, Any]:
-    return {"cell_type": "markdown", "metadata": {}, "source": text}
+    return {"cell_type": "markdown", "metadata": {}, "source": numerals(text)}
 
 
 def _program(text: str) -> dict[str, Any]:

@@ -9,14 +9,13 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.figures import Figure, one, pair
-from actionopt.gallery.page import number, rounded
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.plot import _style as style
 from actionopt.plot._names import label
 from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 PICTURE_SIZE = (6.8, 4.4)  # inches, of two side by side in a narrow column
 EYE, CAR_DISTANCE = 1.5, 700.0  # m: its height, and how far away the car is
@@ -108,7 +107,7 @@ def _mirage() -> Figure:
             "Two rays from each of two points of a car to the eye: one nearly straight, one that "
             "dips to {low} m above the hot road and rises again. Drawn on along its last "
             "direction it comes from below the road, where the car is seen upside down.",
-            low=rounded(low, 2),
+            low=number(low, 2),
         ),
         say(
             "The road is at 325 K, the air above at 300 K; heights are stretched. The ray that "
@@ -160,7 +159,7 @@ def _soap() -> Figure:
             "Left, two profiles between the same two rings: a wide film of {wide} m\u00b2 and a "
             "narrow one of {narrow} m\u00b2. Right, the areas against the distance of the rings, "
             "two branches that meet in a cusp.",
-            wide=rounded(wide.action), narrow=rounded(narrow.action),
+            wide=number(wide.action, 3), narrow=number(narrow.action, 3),
         ),
         say(
             "Rings of 1 m radius, 1 m apart. The wide film, of {wide} m\u00b2, is least; the "

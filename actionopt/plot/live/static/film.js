@@ -17,7 +17,14 @@
     return made;
   }
 
-  const minus = (x) => String(x).replace("-", "\u2212");
+  const POINT = document.documentElement.lang === "en" ? "." : ",";
+  const minus = (x) => String(x).replace("-", "\u2212").replace(/(\d)\.(?=\d)/g, `$1${POINT}`);
+  const power = (k) => `10${String(k).replace(/./g, (d) => (d === "-" ? "\u207b" : "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[d]))}`;
+  const size = (x) => { const k = Math.floor(Math.log10(x)); return k >= 5 || k < -2 ? k : 0; };
+  const short = (x) => { // three digits
+    const k = x ? size(Math.abs(x)) : 0;
+    return minus(String(Number((x / 10 ** k).toPrecision(3)))) + (k ? `\u00d7${power(k)}` : "");
+  };
   const text = (points) => points.map(([x, y]) => `${x},${-y}`).join(" ");
   const mix = (a, b, s) => a.map((row, i) => row.map((x, j) => x + s * (b[i][j] - x)));
 
@@ -47,6 +54,7 @@
     const pad = 0.08 * (high - low || Math.abs(high) || 1);
     low -= pad;
     high += pad;
+    const k = size(Math.max(Math.abs(low), Math.abs(high))), unit = k ? `${power(k)}\u00a0${data.unit}` : data.unit;
     let x, y, cursor, dots, sum, area;
 
     function draw() {
@@ -57,16 +65,18 @@
       const last = t[t.length - 1];
       x = (time) => EDGE.left + ((time - t[0]) / (last - t[0])) * (width - EDGE.left - EDGE.right);
       y = (v) => EDGE.top + ((high - v) / (high - low)) * (height - EDGE.top - EDGE.bottom);
-      for (const [v, name] of ticks(low, high, 3)) {
+      for (const [part, name] of ticks(low / 10 ** k, high / 10 ** k, 3)) {
+        const v = part * 10 ** k;
         element(svg, "line", "tick", { x1: EDGE.left, x2: width - EDGE.right, y1: y(v), y2: y(v) });
         element(svg, "text", "end", { x: EDGE.left - 6, y: y(v) + 4 }).textContent = name;
       }
       for (const [v, name] of ticks(t[0], last, Math.max(2, width / 110))) {
         element(svg, "text", "mid", { x: x(v), y: height - 7 }).textContent = name;
       }
-      element(svg, "text", "end", { x: EDGE.left - 6, y: 12 }).textContent = data.unit;
+      const wide = 6.5 * unit.length > EDGE.left - 6;
+      element(svg, "text", wide ? "" : "end", { x: wide ? 0 : EDGE.left - 6, y: 12 }).textContent = unit;
       area = data.area && data.rows.map((_, i) => element(svg, "polygon", i ? "takes" : "adds"));
-      let at = EDGE.left;
+      let at = Math.max(EDGE.left, wide ? 8 * unit.length : 0);
       data.rows.forEach(({ name, values: v }, i) => {
         element(svg, "polyline", `curve c${i}`, { points: v.map((u, k) => `${x(t[k])},${y(u)}`).join(" ") });
         const label = element(svg, "text", `c${i}`, { x: at, y: 12 });
@@ -105,7 +115,7 @@
       area[0].setAttribute("points", shaded(k, s, true));
       if (area[1]) area[1].setAttribute("points", shaded(k, s, false));
       const S = data.area[k] + s * (data.area[k + 1] - data.area[k]);
-      sum.textContent = `${words.so_far}: ${minus(S.toPrecision(3))}\u00a0${(data.sum ?? "").replace(/ /g, "\u00a0")}`;
+      sum.textContent = `${words.so_far}: ${short(S)}\u00a0${(data.sum ?? "").replace(/ /g, "\u00a0")}`;
     }
     return { draw, show };
   }
