@@ -13,6 +13,7 @@ import re
 import shutil
 import sys
 import tempfile
+import zipfile
 from html import unescape
 from pathlib import Path
 from urllib.parse import unquote
@@ -88,6 +89,14 @@ def sources(folder: Path) -> None:
     examples(folder)
 
 
+def pack(file: Path) -> None:
+    """Write the package to a zip file, for `browser.md` to run."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
+        for part in sorted((TOP / "actionopt").rglob("*")):
+            if part.is_file() and "__pycache__" not in part.parts:
+                packed.write(part, part.relative_to(TOP))
+
+
 def dead_links(site: Path) -> list[str]:
     """Return the links within the site that lead nowhere, "page: link"."""
     dead = []
@@ -114,6 +123,7 @@ def main() -> int:
         sources(folder)
         options = ["-q", "-W", "--keep-going", "-j", asked.jobs, "-c", str(DOCS)]
         wrong = build_main([*options, "-d", f"{made}/trees", str(folder), str(asked.site)])
+    pack(asked.site / "actionopt.zip")
     notebooks.write(asked.site / "notebooks")
     gallery.build(asked.site / "gallery", list(scenes.SCENES)[: asked.scenes])
     dead = dead_links(asked.site)

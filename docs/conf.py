@@ -19,6 +19,7 @@ html_show_search_summary = False  # it would be fetched, which a page without a 
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 templates_path = ["templates"]
+html_static_path = ["static"]
 default_role = "code"  # what docstrings have between single backticks
 autosummary_generate = True
 autodoc_typehints = "none"  # numpydoc shows what the docstring says

@@ -31,18 +31,42 @@ except ValueError as error:
 """
 
 
-@pytest.mark.slow
-def test_all_scenes_but_one_are_solved_without_it(tmp_path):
+REFUSED = "expected another method than 'ipopt': this CasADi is without Ipopt"
+CELLS = """
+import tempfile
+import casadi
+from test_guide import DOCS, run
+assert not casadi.has_nlpsol("ipopt")
+_, wrong, count = run((DOCS / "browser.md").read_text(), tempfile.mkdtemp())
+print(wrong, count)
+"""
+
+
+@pytest.fixture
+def without_ipopt(tmp_path):
+    """A function that runs a program where CasADi has no Ipopt, and returns what it prints."""
     real = Path(find_spec("casadi").origin).parent
     (tmp_path / "casadi").mkdir()
     for file in real.iterdir():  # the same CasADi, all its files but the plugin
         if "nlpsol_ipopt" not in file.name and file.name != "__pycache__":
             (tmp_path / "casadi" / file.name).symlink_to(file)
-    package = Path(ao.__file__).parent.parent
-    start = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(package)!r}]\n"
-    done = subprocess.run(
-        [sys.executable, "-c", start + PROGRAM], capture_output=True, text=True, check=True
-    )
-    unfound, refused = done.stdout.splitlines()
+    places = str(tmp_path), str(Path(ao.__file__).parent.parent), str(Path(__file__).parent)
+    start = f"import sys; sys.path[:0] = {places}\n"
+
+    def call(program):
+        command = [sys.executable, "-c", start + program]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    return call
+
+
+@pytest.mark.slow
+def test_all_scenes_but_one_are_solved_without_it(without_ipopt):
+    unfound, refused = without_ipopt(PROGRAM).splitlines()
     assert unfound.startswith("chain_on_floor ") and "this CasADi is without Ipopt" in unfound
-    assert refused == "expected another method than 'ipopt': this CasADi is without Ipopt"
+    assert refused == REFUSED
+
+
+@pytest.mark.slow
+def test_the_page_for_a_browser_states_what_is_found_without_it(without_ipopt):
+    assert without_ipopt(CELLS).splitlines() == [REFUSED, "[] 4"]
