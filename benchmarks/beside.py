@@ -190,8 +190,8 @@ MANY: dict[str, tuple[Callable[[Any], dict], Callable[..., Any], tuple[int, ...]
         (1, 4, 10, 20),
     ),
     "member of a sweep, chain": (
-        chain,
-        lambda problem, guess: ao.sweep(problem, over={"g": 9.0 + BETAS}, tol=TOL).status,
+        lambda n: {"problem": chain(n)["problem"]},  # no guess: a sweep is given none
+        lambda problem: ao.sweep(problem, over={"g": 9.0 + BETAS}, tol=TOL).status,
         (5, 10),
     ),
     "point of a trace, lattice": (

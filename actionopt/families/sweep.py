@@ -42,8 +42,11 @@ if TYPE_CHECKING:
 # of a task, about: what is lost with a worker, and much beside what sending it takes
 TASK_SECONDS = 1.0
 # Of a member, and of its unknowns times its coordinates. Measured, with 117 to 542 unknowns, to a
-# factor of two; those with constraints or forces, solved one by one, take some ten times as long.
-MEMBER_SECONDS, UNKNOWN_SECONDS, ONE_BY_ONE = 1e-4, 8e-7, 10
+# factor of two.
+MEMBER_SECONDS, UNKNOWN_SECONDS = 1e-4, 8e-7
+# Of one with constraints or forces, solved near another one, and of its unknowns. Measured, with 30
+# to 7,340 unknowns of 1 to 40 coordinates, to a factor of two.
+ALONE_SECONDS, ALONE_UNKNOWN_SECONDS = 1e-3, 1e-5
 MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
 SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
@@ -210,7 +213,8 @@ class _SweepRun:
         else:
             problem, unknowns = self.grid.problem, self._pilot()
             seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * problem.system.n
-            seconds *= ONE_BY_ONE if _alone(problem) else 1
+            if _alone(problem):
+                seconds = ALONE_SECONDS + ALONE_UNKNOWN_SECONDS * unknowns
             self.length = int(np.clip(TASK_SECONDS / seconds, 1, MOST_MEMBERS))
             first, path = next(iter(self.seeds.items()), (-1, None))
             self._keep(first, path, length=self.length)
