@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
+from actionopt.analysis.assembled import AssembledForm, assemble
 from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
 from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, are_units
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import product
 from actionopt.discrete.path import Path
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import numbers
@@ -19,6 +25,8 @@ from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array, NDInt
 
 DENSE_EIGENPROBLEM = 600  # free variations up to which all eigenvalues are computed at once; ad hoc
+ASSEMBLED = 300  # free variations from which one sparse matrix takes less time. Measured
+MANY_LOWER = 4  # eigenvalues below one that is sought: to count them takes less; ad hoc
 NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are round-off; ad hoc
 SHIFT_STEPS = 4  # of inverse iteration with one shift: a factorization costs some of them; ad hoc
 RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where values are close; ad hoc
@@ -82,10 +90,21 @@ def second_variation(
     given = np.broadcast_to(asked, (n,))
     found = solution.inertia
     # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
-    fine = resolve(solution.discrete, solution.error, INDEX_RESOLUTION / 100)
-    form = form_of(fine.at, given, phase=False)
-    values, vectors = lowest(form, count)
-    shifts = any(term.phase for term in form.tr.nodal)  # of time: they are a mode of their own
+    first, resolution = solution.discrete, INDEX_RESOLUTION / 100
+    form = assemble_if_large(first, solution.error, resolution)
+    if form is not None:
+        values, vectors = _Assembled(form, given).lowest(count)
+        eta, shifts, units = _variations(form, vectors), False, given
+    else:
+        form = form_of(resolve(first, solution.error, resolution).at, given, phase=False)
+        values, vectors = lowest(form, count)
+        shifts = any(term.phase for term in form.tr.nodal)  # of time: they are a mode of their own
+        nodes = np.zeros((len(form.basis), form.freedom, len(values)))
+        nodes.reshape(-1, len(values))[_free(form)] = vectors
+        if form.closed:
+            nodes[-1] = nodes[0]
+        units = form.units
+        eta = units[:, None] * np.einsum("knr,krc->knc", form.basis, nodes)
     low = found.index, found.index + found.nullity + shifts
     if not min(low[0], len(values)) <= np.sum(values < 0) <= low[1]:
         raise ValueError(
@@ -93,14 +112,28 @@ def second_variation(
             f"{np.sum(values < 0)} negative: round-off hides them in these units of the "
             "coordinates; give `units=`, of the size of each"
         )
-    nodes = np.zeros((len(form.basis), form.freedom, len(values)))
-    nodes.reshape(-1, len(values))[_free(form)] = vectors
-    if form.closed:
-        nodes[-1] = nodes[0]
-    eta = form.units[:, None] * np.einsum("knr,krc->knc", form.basis, nodes)
-    mesh = form.tr.mesh
-    modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
-    return SecondVariation(values, modes, found, form.units)
+    modes = tuple(Path(form.at.mesh, eta[:, :, i].T) for i in range(len(values)))
+    return SecondVariation(values, modes, found, units)
+
+
+def assemble_if_large(first: DiscretePath, error: float, resolution: float) -> AssembledForm | None:
+    """Return d2S of a path as one matrix, if it is so large that full ones take more."""
+    if first.tr.layout.unknowns - first.tr.layout.rows < ASSEMBLED:
+        return None
+    return assemble(first, error, resolution)
+
+
+def sign_of(at: DiscretePath, error: float, resolution: float, k: int) -> float:
+    """Return what has the sign of the k-th lowest eigenvalue of d2S: as a rule, itself.
+
+    Where very many are lower their number tells, of one matrix: half of one more, or less, than k.
+    """
+    form = assemble_if_large(at, error, resolution)
+    if form is None:
+        return lowest(resolve(at, error, resolution), k + 1)[0][k]
+    if k < MANY_LOWER:
+        return _Assembled(form, form.at.tr.lengths).lowest(k + 1)[0][k]
+    return k + 0.5 - (form.factors.negative() - form.at.tr.layout.rows)
 
 
 def lowest(form: Form, count: int) -> tuple[Array, Array]:
@@ -119,8 +152,9 @@ def lowest(form: Form, count: int) -> tuple[Array, Array]:
         values, vectors = np.linalg.eigh(matrix)
         return values[:count], scale[:, None] * vectors[:, :count]
     pattern = ca.Sparsity.triplet(free.size, free.size, rows.tolist(), cols.tolist())
-    matrix = ca.DM(pattern, entries)
-    values, vectors = _subspace(form, matrix, count)
+    gap = float(np.abs(np.asarray(form.tr.action_unit))) / form.tr.problem.duration
+    gap /= float(np.median(form.units / form.tr.lengths)) ** 2
+    values, vectors = _subspace(_Matrix(ca.DM(pattern, entries)), gap, count)
     return values, scale[:, None] * vectors
 
 
@@ -159,31 +193,127 @@ def _assemble(form: Form, free: NDInt) -> tuple[NDInt, NDInt, Array, Array]:
     return unique % free.size, unique // free.size, entries, mass[free]
 
 
-def _subspace(form: Form, matrix: ca.DM, count: int) -> tuple[Array, Array]:
+class _Operator(Protocol):
+    """A symmetric matrix whose lowest eigenvalues are sought."""
+
+    @property
+    def size(self) -> int:
+        """Of rows and columns."""
+        ...
+
+    def times(self, block: Array) -> Array:
+        """Return the matrix times the columns of a block, (size, c)."""
+        ...
+
+    def solver(self, shift: float) -> Callable[[Array], Array] | None:
+        """Return what solves with the matrix less `shift`; None if that lowers something."""
+        ...
+
+
+class _Matrix:
+    """A sparse symmetric matrix."""
+
+    def __init__(self, matrix: ca.DM) -> None:
+        self.matrix, self.size, self.unit = matrix, matrix.shape[0], ca.DM.eye(matrix.shape[0])
+
+    def times(self, block: Array) -> Array:
+        """Return the matrix times the columns of a block, (size, c)."""
+        return np.asarray(self.matrix @ ca.DM(block))
+
+    def solver(self, shift: float) -> Callable[[Array], Array] | None:
+        """Return what solves with the matrix less `shift`; None if that lowers something."""
+        factors = ca.ldl(self.matrix - shift * self.unit)
+        if (factors[0].full() < 0).any():
+            return None
+        return lambda block: ca.ldl_solve(ca.DM(block), *factors).full()  # type: ignore
+
+
+@dataclass(frozen=True, eq=False)
+class _Assembled:
+    """An assembled form in a norm, int |eta / units|^2 dt = 1, on what the constraints allow."""
+
+    form: AssembledForm
+    units: Array
+
+    @property
+    def size(self) -> int:
+        """Of vectors: the free coordinates of nodes, times the roots of their masses."""
+        return self.form.at.tr.layout.unknowns
+
+    @cached_property
+    def masses(self) -> Array:
+        """Those of the unknowns of the equations, (unknowns,)."""
+        tr, layout = self.form.at.tr, self.form.at.tr.layout
+        node, coordinate = np.divmod(layout.free, layout.width)
+        return (
+            self.form.node_weights[node]
+            * (tr.x_unit / self.units[coordinate]) ** 2
+            / tr.action_unit
+        )
+
+    def lowest(self, count: int) -> tuple[Array, Array]:
+        """Return the lowest eigenvalues (count,) and vectors (unknowns, count)."""
+        tr = self.form.at.tr
+        gap = abs(tr.action_unit) / tr.problem.duration
+        gap /= float(np.median(self.units / tr.lengths)) ** 2
+        count = min(count, self.size - tr.layout.rows)
+        values, vectors = _subspace(self, gap, count)
+        return values, vectors / np.sqrt(self.masses)[:, None]
+
+    def times(self, block: Array) -> Array:
+        """Return the matrix times the columns of a block, (size, c)."""
+        layout, scale = self.form.at.tr.layout, 1 / np.sqrt(self.masses)[:, None]
+        x = np.zeros((layout.size, block.shape[1]))
+        x[: self.size] = scale * block
+        found = [product(layout, self.form.matrix, column)[: self.size] for column in x.T]
+        return scale * np.stack(found, axis=1)
+
+    def solver(self, shift: float) -> Callable[[Array], Array] | None:
+        """Return what solves with the matrix less `shift`; None if that lowers something."""
+        layout, root = self.form.at.tr.layout, np.sqrt(self.masses)[:, None]
+        factors = self.form.shifted(shift * self.masses)
+        if factors.negative() > layout.rows:
+            return None
+
+        def solve(block: Array) -> Array:
+            right = np.zeros((layout.size, block.shape[1]))
+            right[: self.size] = root * block
+            return root * factors.solve(right)[: self.size]
+
+        return solve
+
+
+def _variations(form: AssembledForm, vectors: Array) -> Array:
+    """Return eta at the nodes, (K, n, c), of vectors (unknowns, c)."""
+    tr, layout = form.at.tr, form.at.tr.layout
+    eta = np.zeros((layout.node_count * layout.width, vectors.shape[1]))
+    eta[layout.free] = tr.x_unit[:, None] / np.sqrt(tr.action_unit) * vectors
+    return eta.reshape(layout.node_count, layout.width, -1)
+
+
+def _subspace(matrix: _Operator, gap: float, count: int) -> tuple[Array, Array]:
     """Return the lowest eigenvalues (count,) and vectors (size, count) by inverse iteration.
 
     The shift lies below the spectrum, which the pivots' signs tell, so that the matrix is
-    positive definite and its factorization needs no pivoting. From step to step it comes nearer.
+    positive definite and its factorization needs no pivoting. From step to step it comes nearer;
+    `gap` is how far below zero it begins.
     """
-    size = matrix.shape[0]
+    size = matrix.size
     block = np.random.default_rng(0).standard_normal((size, min(2 * count + 6, size)))
-    gap = float(np.abs(np.asarray(form.tr.action_unit))) / form.tr.problem.duration
-    gap /= float(np.median(form.units / form.tr.lengths)) ** 2
-    shift, unit = -gap, ca.DM.eye(size)
-    values, last, factors = np.full(count, np.inf), np.inf, None
+    shift, solve = -gap, None
+    values, last = np.full(count, np.inf), np.inf
     for step in range(SUBSPACE_STEPS):
         if step % SHIFT_STEPS == 0:
             if step:
                 gap = values[-1] - values[0] + RITZ_ERROR * abs(values[0])
                 shift = max(shift, float(values[0] - gap))
-            nearer = ca.ldl(matrix - shift * unit)
-            while (nearer[0].full() < 0).any():  # the lowest was not among the Ritz values
+            while (nearer := matrix.solver(shift)) is None:  # the lowest was no Ritz value
                 gap *= 16
                 shift -= gap
-                nearer = ca.ldl(matrix - shift * unit)
-            factors = nearer
-        block, _ = np.linalg.qr(ca.ldl_solve(ca.DM(block), *factors).full())  # type: ignore
-        ritz, turn = np.linalg.eigh(block.T @ np.asarray(matrix @ ca.DM(block)))
+            solve = nearer
+        assert solve is not None
+        block, _ = np.linalg.qr(solve(block))
+        ritz, turn = np.linalg.eigh(block.T @ matrix.times(block))
         block = block @ turn
         scale, change = np.abs(ritz[:count]).max() + abs(shift), np.abs(ritz[:count] - values).max()
         values = ritz[:count]

@@ -161,7 +161,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     if system.m:
         lam = np.concatenate([at.lam[:-1], at.lam[:1]]) if layout.closed else at.lam
         lam = _inner(at, lam)
-        A = A + _curvature(problem, q, lam[layout.node_of], tr.times)
+        A = A + curvature(problem, q, lam[layout.node_of], tr.times)
     finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
     if not finite.all():
         raise ValueError(
@@ -511,13 +511,13 @@ def _reduce(local: Array, Z: Array) -> Array:
     return np.einsum("ejals,ejar->ejrls", half, Z, optimize=True).reshape(E, k * r, k * r)
 
 
-def _curvature(problem: Problem, q: Array, lam: Array, t: Array) -> Array:
+def curvature(problem: Problem, q: Array, lam: Array, t: Array) -> Array:
     """Return sum_i lam_i f_i,qq, (K, n, n)."""
     system = problem.system
     if system.structure.affine_constraint:
         return np.zeros((len(q), system.n, system.n))
-    curvature = system.pointwise("constraint_curvature")
-    return curvature.full(0, curvature(q, lam, t, problem.packed)[0], symmetric=True)
+    second = system.pointwise("constraint_curvature")
+    return second.full(0, second(q, lam, t, problem.packed)[0], symmetric=True)
 
 
 def _inner(at: DiscretePath, lam: Array) -> Array:
@@ -540,7 +540,7 @@ def _bend(at: DiscretePath, k: int) -> Array:
     assert event is not None
     found = event.on.curvature(q, t[0], problem.packed, mu)
     if nu.size:
-        found = found + _curvature(problem, q[None], nu[None], t[:, None])[0]
+        found = found + curvature(problem, q[None], nu[None], t[:, None])[0]
     return found
 
 

@@ -15,12 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from actionopt.analysis.assembled import AssembledForm, assemble
 from actionopt.analysis.jacobi import resolve
-from actionopt.analysis.second_variation import Form, condense, tangent
+from actionopt.analysis.second_variation import Form, condense, curvature, tangent
 from actionopt.discrete.bordered import equations_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times, jumps_of
-from actionopt.discrete.factors import Factors
+from actionopt.discrete.factors import Factors, product
 from actionopt.discrete.layout import BorderedLayout, border_matrix
 from actionopt.discrete.stretch import explicit
 from actionopt.discrete.surfaces import reactions, surface_at
@@ -34,6 +35,7 @@ from actionopt.tools.types import RANK, Array
 
 # Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
 SENSITIVITY_RESOLUTION = 1e-8
+REFINED = 1  # times: sparse factors of constrained paths are off by 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,7 @@ def sensitivity(
     if problem.through or problem.integral is not None or problem.system.order > 1:
         second = second_through(at)
     else:
-        second = _second(resolve(at, error, SENSITIVITY_RESOLUTION))
+        second = _second_alone(at, error)
     found = slopes(at, momenta, jumps)
     ends = zip((found["q0"], found["q1"]), problem.surfaces, (0, -1), strict=True)
     for row, on, k in ends:
@@ -176,6 +178,48 @@ def slopes(
         "integral": -problem.kappa,
         "parameters": packed,
     }
+
+
+def _second_alone(at: DiscretePath, error: float) -> tuple[Array, Array, Array]:
+    """Return the second derivatives of a path between two events, each (n, n)."""
+    problem = at.problem
+    if not problem.system.m or len(problem.start.pinned) == len(problem.end.pinned):
+        form = assemble(at, error, SENSITIVITY_RESOLUTION)
+        found = None if form is None else _second_assembled(form)
+        if found is not None:
+            return found
+    return _second(resolve(at, error, SENSITIVITY_RESOLUTION))
+
+
+def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
+    """Return the second derivatives, what is between the ends eliminated; None if that fails."""
+    at, tr, layout = form.at, form.at.tr, form.at.tr.layout
+    problem, n = at.problem, at.problem.system.n
+    ends = [0, layout.node_count - 1]
+    t = tr.mesh.nodes[ends, None]
+    planes = tangent(problem, at.Q[ends], t, tr.lengths) * tr.lengths[:, None]
+    eta = np.zeros((layout.node_count, n, 2 * n))
+    for k, event in enumerate((problem.start, problem.end)):
+        pinned = list(event.pinned)
+        reached = planes[k] @ np.linalg.pinv(planes[k])
+        eta[ends[k], :, k * n + np.array(pinned, dtype=int)] = reached[:, pinned].T
+    forces = form.forces(eta)
+    loads = form.loads(forces)
+    try:
+        between = form.factors.solve(loads)
+        for _ in range(REFINED if layout.rows else 0):
+            left = [product(layout, form.matrix, column) for column in between.T]
+            between += form.factors.solve(loads - np.stack(left, axis=1))
+    except np.linalg.LinAlgError:  # conjugate
+        return None
+    if not np.isfinite(between).all():
+        return None
+    by_ends = forces[ends]
+    if problem.system.m:
+        bend = form.node_weights[ends, None, None] * curvature(problem, at.Q[ends], at.lam[ends], t)
+        by_ends += bend @ eta[ends]
+    hessian = np.einsum("kac,kad->cd", eta[ends], by_ends) - tr.action_unit * loads.T @ between
+    return hessian[:n, :n], hessian[:n, n:], hessian[n:, n:]
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:

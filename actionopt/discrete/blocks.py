@@ -338,7 +338,9 @@ class Condensed:
         return total
 
     def solve(self, right: Array) -> Array:
-        """Return the solution for one right-hand side, (size + b,)."""
+        """Return the solution for one right-hand side, (size + b,), or several, (size + b, c)."""
+        if right.ndim > 1:
+            return np.stack([self.solve(column) for column in right.T], axis=1)
         blocks, f, size = self.blocks, self.blocks.width, self.blocks.places.size
         full = blocks.spread(right[:size])[:, :, None]
         eliminated, between = self._eliminate(full)

@@ -341,7 +341,8 @@ class SparseFactors:
     """
 
     def __init__(self, layout: MatrixLayout, nonzeros: Array) -> None:
-        values = _regular(layout, kkt_nonzeros(layout, nonzeros))
+        self._layout, self._values = layout, _regular(layout, kkt_nonzeros(layout, nonzeros))
+        values = self._values
         if layout.size > LARGE_SIZE:
             give_back()  # what the pattern was made with, a sixth of the most that is taken
         self._order = layout.solvers.get("order")
@@ -356,7 +357,9 @@ class SparseFactors:
         self._dense = ca.Sparsity.dense(layout.size)
 
     def solve(self, right: Array) -> Array:
-        """Return the solution for one right-hand side, (size,)."""
+        """Return the solution for one right-hand side, (size,), or several, (size, c)."""
+        if right.ndim > 1:  # to factorize again takes less than objects do
+            return _solver(self._layout, "ldl", right.shape[1])(self._values, right.T).T
         right = right if self._order is None else right[self._order]
         column = ca.DM(self._dense, memoryview(right))  # type: ignore
         found = ca.ldl_solve(column, *self._factors).full().ravel()

@@ -16,7 +16,7 @@ import numpy as np
 
 from actionopt.analysis.index import NEAR_ZERO, inertia_of, inertia_through, with_duration
 from actionopt.analysis.jacobi import finer, resolve
-from actionopt.analysis.modes import lowest
+from actionopt.analysis.modes import sign_of
 from actionopt.analysis.monodromy import transport_matrix
 from actionopt.analysis.regular import regular_index
 from actionopt.analysis.solution import Solution, SolveError
@@ -446,10 +446,10 @@ class _TraceRun:
         return Mark(kind, point.s, point.path, *sides, len(self.points) - 1)
 
     def _sign(self, j: int, point: BranchPoint) -> float:
-        """Return what is positive where the index is more than j, or less, and negative else."""
+        """Return what changes its sign where the index passes from j to j + 1."""
         if isinstance(point.tr, Bordered) or _is_course(point.at.problem):
             return self._index(point) - j - 0.5
-        return lowest(resolve(point.at, self.tol, TRACE_RESOLUTION), j + 1)[0][j]
+        return sign_of(point.at, self.tol, TRACE_RESOLUTION, j)
 
     def _doubling(self, point: BranchPoint) -> float:
         """Return det(M + 1) of the monodromy matrix M, zero where a multiplier is -1."""

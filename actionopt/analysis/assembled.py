@@ -1,0 +1,230 @@
+"""The second variation of a path between two events as one matrix, on a mesh that resolves it.
+
+The KKT matrix [d2S, G'; G, 0] of the discrete path, of which an index, modes and derivatives of S
+by the events take a factorization or a few: work and memory are those of Newton's method, where the
+forms of `second_variation`, full on each element, take what grows with the coordinates' cube. It
+serves where the variations are simply those between two events and L_vv surely is positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from actionopt.analysis.jacobi import FIELD_ROUNDS, coefficients_left_out, refine_where, tails
+from actionopt.analysis.second_variation import check_independent, couples_at_rest, normals
+from actionopt.discrete.blocks import Condensed
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import SparseFactors, diagonal, factorize_part
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.problem import diagonal as diagonal_of
+from actionopt.tools.types import EPS, Array
+
+# How much more a mesh may leave out of Jacobi fields, the root of how far eigenvalues are off, than
+# of the coefficients of d2S, which is as far: both far below the tolerance of a sign. Derived.
+FIELDS_TO_COEFFICIENTS = 1e2
+RANDOM_FIELDS = 4  # between random ends of an element: each has a part of all Jacobi fields there
+EVEN_UNITS = 10.0  # how far units of coordinates may be from those of equal inertia
+
+
+@dataclass(frozen=True, eq=False)
+class AssembledForm:
+    """d2S on the variations z of a discrete path, in its units, and the rows that restrict them.
+
+    Attributes
+    ----------
+    at : DiscretePath
+    matrix : array
+        Nonzeros of its KKT matrix.
+    """
+
+    at: DiscretePath
+    matrix: Array
+
+    @cached_property
+    def factors(self) -> Condensed | SparseFactors:
+        """The factors of the matrix; their `negative` eigenvalues are the index and the rows."""
+        return self.shifted(None)
+
+    @cached_property
+    def second(self) -> list[Array]:
+        """Nonzeros of L_qq, L_qv and L_vv at the evaluations."""
+        return self.at.tr.second(self.at.x)
+
+    def shifted(self, masses: Array | None) -> Condensed | SparseFactors:
+        """Return the factors with `masses` (unknowns,) taken off the diagonal."""
+        layout, matrix = self.at.tr.layout, self.matrix
+        if masses is not None:
+            matrix = matrix - diagonal(layout, np.r_[masses, np.zeros(layout.rows)])
+        if layout.storage == "blocks":
+            return Condensed(layout.blocks, matrix)
+        return SparseFactors(layout, matrix)
+
+    def fields(self) -> list[Array]:
+        """Return solutions of the linearised equations on each element, (E, d + 1, n c), of size 1.
+
+        Between random ends, tangent to the constraints.
+        """
+        at, tr, layout = self.at, self.at.tr, self.at.tr.layout
+        n, count = tr.problem.system.n, layout.offsets.size
+        ends = scattered_numbers(count * n * RANDOM_FIELDS).reshape(-1, n, RANDOM_FIELDS)
+        if tr.problem.system.m:
+            t = tr.mesh.boundaries[:, None]
+            G = normals(tr.problem, at.Q[layout.offsets], t) * tr.lengths
+            ends -= np.linalg.pinv(G) @ (G @ ends)
+        if layout.storage == "blocks":
+            assert isinstance(self.factors, Condensed)
+            given = np.zeros((len(ends), layout.blocks.width, RANDOM_FIELDS))
+            given[:, :n] = ends
+            at_ends = [
+                np.stack([given[g.elements], given[g.elements + 1]], 1) for g in layout.groups
+            ]
+            fields = [x[:, :, :n] for x in self.factors.between(at_ends)]
+        else:
+            whole = self._between(ends * tr.lengths[:, None]) / tr.lengths[:, None]
+            fields = [whole[g.nodes] for g in layout.groups]
+        tables = [x.reshape(*x.shape[:2], -1) for x in fields]
+        return [x / np.abs(x).max(axis=(1, 2), keepdims=True) for x in tables]
+
+    def _between(self, ends: Array) -> Array:
+        """Return the variations (K, n, c) that are `ends` (N + 1, n, c) between elements."""
+        tr, layout = self.at.tr, self.at.tr.layout
+        n, unknowns = ends.shape[1], layout.unknowns
+        eta = np.zeros((layout.node_count, *ends.shape[1:]))
+        eta[layout.offsets] = ends
+        inside = np.ones(layout.node_count, dtype=bool)
+        inside[layout.offsets] = False
+        keep = inside[np.concatenate([layout.free // n, layout.row_node])]
+        if not keep.any():
+            return eta
+        solve = factorize_part(layout, self.matrix, keep)
+        found = solve(-self.loads(self.forces(eta))[keep])
+        own = keep[:unknowns]
+        places = np.divmod(layout.free[own], n)
+        eta[places] = found[: int(own.sum())] * tr.x_unit[own, None]
+        return eta
+
+    def loads(self, forces: Array) -> Array:
+        """Return what `forces` (K, n, c) add to the equations, (size, c)."""
+        tr, layout = self.at.tr, self.at.tr.layout
+        found = np.zeros((layout.size, forces.shape[2]))
+        for c in range(forces.shape[2]):
+            found[: layout.unknowns, c] = tr.free_part(forces[:, :, c].ravel())
+        return found
+
+    @property
+    def node_weights(self) -> Array:
+        """Those of the quadrature over time, (K,)."""
+        tr = self.at.tr
+        return np.bincount(tr.layout.node_of, tr.weight[:, 0])
+
+    def forces(self, eta: Array) -> Array:
+        """Return the change of dS/dq at all nodes, (K, n, c), with variations eta of them.
+
+        But for that by how constraints bend.
+        """
+        tr, layout, found = self.at.tr, self.at.tr.layout, np.empty_like(eta)
+        second, (A, B, C) = self.at.problem.system.pointwise("second"), self.second
+        mixed = second.full(1, B) if B.size else None
+        for c in range(eta.shape[2]):
+            local = eta[layout.node_of, :, c]
+            rate = tr.velocities(local)
+            p = second.product(2, C, rate, symmetric=True)
+            force = tr.weight * second.product(0, A, local, symmetric=True)
+            if mixed is not None:
+                p += np.einsum("kab,ka->kb", mixed, local)
+                force += tr.weight * second.product(1, B, rate)
+            for g in layout.groups:
+                work = g.rule.weighted_derivative.T @ p[g.span].reshape(*g.nodes.shape, -1)
+                force[g.span] += work.reshape(-1, eta.shape[1])
+            summed = np.bincount(layout.scatter, force.ravel(), eta[:, :, c].size)
+            found[:, :, c] = summed.reshape(eta.shape[:2])
+        return found
+
+
+def assemble(first: DiscretePath, error: float, fields: float) -> AssembledForm | None:
+    """Return d2S of a path known to `error`, on a mesh that resolves its Jacobi fields to `fields`.
+
+    None where the variations are not simply those between two events, L_vv may not be positive, or
+    a part of the path is conjugate. Raises ValueError where the constraints are not independent, or
+    along a path through a singularity.
+    """
+    if not _is_plain(first):
+        return None
+    at = _in_even_units(first)
+    for _ in range(FIELD_ROUNDS):
+        tr = at.tr
+        if not _is_convex(at):
+            return None
+        check_independent(at, tr.lengths, error)
+        form = AssembledForm(at, tr.kkt(at.z))
+        try:
+            tail = tails(tr.mesh, form.fields())
+        except np.linalg.LinAlgError:
+            return None
+        if not np.isfinite(tail).all():
+            return None
+        tail = np.maximum(tail, FIELDS_TO_COEFFICIENTS * coefficients_left_out(at))
+        mesh = refine_where(tr.mesh, tail, fields)
+        if mesh is None:
+            return form
+        at = first.on(mesh, first.multipliers(mesh.nodes))
+    return None
+
+
+def _is_plain(at: DiscretePath) -> bool:
+    """Whether variations are those between two events, one of which leaves nothing free."""
+    problem, layout = at.problem, at.tr.layout
+    n, system = problem.system.n, problem.system
+    ends = len(problem.start.pinned), len(problem.end.pinned)
+    simple = not (isinstance(problem, Held) or problem.through or any(problem.surfaces))
+    return (
+        simple
+        and max(ends) == n
+        and system.m < n
+        and layout.unknowns > 0
+        and not (layout.closed or at.tr.nodal or system.structure.forced)
+        and couples_at_rest(system) is None
+    )
+
+
+def _in_even_units(at: DiscretePath) -> DiscretePath:
+    """Return the path in units in which all coordinates have much the same inertia.
+
+    In others round-off of those of large equations would hide the others' signs.
+    """
+    tr = at.tr
+    mass = np.abs(diagonal_of(tr.problem.system, 2, tr.second(at.x)[2])).mean(axis=0)
+    size = tr.lengths * np.sqrt(np.where(mass > 0, mass, 1.0))
+    if not size.max() > EVEN_UNITS * size.min():
+        return at
+    units = tr.lengths * (size.max() / size)
+    return DiscretePath.of(tr.problem, at.path, at.rows_on(at.mesh), units)
+
+
+def _is_convex(at: DiscretePath) -> bool:
+    """Whether L_vv surely is positive definite all along the path."""
+    second, C = at.problem.system.pointwise("second"), at.tr.second(at.x)[2]
+    row, col = second.sparsity(2)
+    own = row == col
+    if not np.isfinite(C).all():
+        return False
+    if own.all():
+        pivots = C
+    elif at.tr.layout.storage == "sparse":
+        return False
+    else:
+        try:
+            L = np.linalg.cholesky(second.full(2, C, symmetric=True))
+        except np.linalg.LinAlgError:
+            return False
+        pivots = np.einsum("kaa->ka", L) ** 2
+    size = np.abs(C[:, own]).max(axis=1, keepdims=True)
+    return own.sum() == at.problem.system.n and bool((pivots > np.sqrt(EPS) * size).all())
+
+
+def scattered_numbers(count: int) -> Array:
+    """Return numbers without a pattern, (count,); numpy's generators take 16 ms to import."""
+    return np.cos(np.arange(count) ** 2.0)

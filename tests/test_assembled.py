@@ -1,0 +1,57 @@
+"""The second variation as one sparse matrix: modes, signs and derivatives against closed forms."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.analysis import modes
+from actionopt.analysis.assembled import assemble
+
+N, T = 30, 2.0
+MODES = np.sin(np.pi * np.outer(np.arange(1, N + 1), np.arange(1, N + 1)) / (N + 1))
+MODES /= np.linalg.norm(MODES, axis=0)
+SPEEDS = 2 * np.sin(np.pi * np.arange(1, N + 1) / (2 * N + 2))  # omega of each
+
+
+def lattice(q, v, t):
+    """L = v^2 / 2 - V of masses in a row, between walls, with springs of one."""
+    ends = q[0] ** 2 + q[-1] ** 2
+    return v @ v / 2 - (ends + (q[1:] - q[:-1]) @ (q[1:] - q[:-1])) / 2
+
+
+@pytest.fixture(scope="module")
+def solution():
+    """A motion of the lattice."""
+    system = ao.System(lattice, [f"u{j}" for j in range(N)])
+    ends = MODES @ np.linspace(0.3, 0.1, N), MODES @ np.linspace(-0.1, 0.2, N)
+    return ao.solve(ao.Problem(system, ao.Event(0.0, ends[0]), ao.Event(T, ends[1])), tol=1e-10)
+
+
+def test_modes_of_a_lattice(solution):
+    assert modes.assemble_if_large(solution.discrete, solution.error, 1e-8) is not None
+    found = ao.second_variation(solution, 5)
+    k = np.arange(1, 4)[:, None]
+    exact = np.sort(((k * np.pi / T) ** 2 - SPEEDS**2).ravel())
+    np.testing.assert_allclose(found.eigenvalues, exact[:5], rtol=1e-8)
+    t, weights = np.polynomial.legendre.leggauss(40)
+    eta = np.array([mode((t + 1) * T / 2) for mode in found.modes])
+    overlap = np.einsum("ant,bnt,t->ab", eta, eta, weights * T / 2)
+    np.testing.assert_allclose(overlap, np.eye(5), atol=1e-8)
+
+
+def test_sign_of_an_eigenvalue_with_many_below(solution):
+    index = solution.morse_index
+    below = int(sum(np.floor(SPEEDS * T / np.pi)))
+    assert index == below > modes.MANY_LOWER
+    at = solution.discrete
+    signs = [modes.sign_of(at, solution.error, 1e-6, k) < 0 for k in (0, below - 1, below)]
+    assert signs == [True, True, False]
+
+
+def test_second_derivatives_of_a_lattice(solution):
+    assert assemble(solution.discrete, solution.error, 1e-8) is not None
+    found = solution.sensitivity()
+    own = MODES @ np.diag(SPEEDS / np.tan(SPEEDS * T)) @ MODES.T
+    across = MODES @ np.diag(-SPEEDS / np.sin(SPEEDS * T)) @ MODES.T
+    for matrix, exact in ((found.q0q0, own), (found.q1q1, own), (found.q0q1, across)):
+        np.testing.assert_allclose(matrix, exact, atol=1e-9 * np.abs(across).max())
