@@ -36,6 +36,7 @@ ANSWERS = {
         "scenes.Scene",
         "scenes.Words",
         "suite.Family",
+        "suite.Model",
     ),
     *(f"plot.{name}" for name in plot.__all__ if name[0].isupper()),
 } - {f"ao.{name}" for name in ("Event", "Mesh", "Path", "Periodic", "Problem", "State", "System")}
@@ -153,6 +154,7 @@ def calls(folder):
         "suite.find": ((), {"kind": None, "constrained": None, "index": None, "size": None,
             "tags": (), "convex": None}),
         "suite.get": (("pendulum", 2, 2), {"decades": None}),
+        "suite.model": (("arm_in_disc",), {}),
     }  # fmt: skip
 
 

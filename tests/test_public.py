@@ -82,7 +82,12 @@ def objects():
         *(swept.grid, swept.kept, solved.discrete, CHAIN.parameters),
         *(scene, scene.facts, scenes.Known(QUESTION), scenes.Words("What happens?")),
         scenes.Measure("area", "m^2"),
-        *(rope, suite.FAMILIES["pendulum"], suite.get("pendulum", 2, 2)),
+        *(
+            rope,
+            suite.FAMILIES["pendulum"],
+            suite.get("pendulum", 2, 2),
+            suite.model("arm_in_disc"),
+        ),
     ]
 
 

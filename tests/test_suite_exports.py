@@ -12,7 +12,7 @@ import pytest
 from helpers import a_quarter
 
 from actionopt import suite
-from actionopt.suite import mof, nl, standalone
+from actionopt.suite import mof, nl, nl_lines, standalone
 from actionopt.suite.dump import archive, dump
 from actionopt.suite.expression import nlp
 from actionopt.suite.families import Family
@@ -154,7 +154,8 @@ def test_nl_files_read_back(name, tmp_path):
 
 
 def test_a_digit_less_is_noticed(tmp_path, monkeypatch):
-    monkeypatch.setattr(nl, "_number", lambda value: f"{value:.13g}")
+    for module in (nl, nl_lines):
+        monkeypatch.setattr(module, "number", lambda value: f"{value:.13g}")
     problem = suite.get("pendulum")
     nl.write(problem, tmp_path / "a.nl")
     gaps = off(problem, read(tmp_path / "a.nl")[1], *somewhere(problem))

@@ -9,15 +9,18 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Collection
 from typing import Any
 
 from actionopt.mechanics.tracing import suggestion
 from actionopt.suite.families import FAMILIES, Family
+from actionopt.suite.member import Member
+from actionopt.suite.models import MODELS, Model
 from actionopt.suite.problem import TestProblem
 from actionopt.tools.checks import among, numbers
 
-__all__ = ["FAMILIES", "Family", "TestProblem", "find", "get"]
+__all__ = ["FAMILIES", "MODELS", "Family", "Model", "TestProblem", "find", "get", "model"]
 
 
 def get(
@@ -40,6 +43,41 @@ def get(
             "actionopt.suite.find() names all"
         )
     return TestProblem(FAMILIES[name], elements, degree, decades, parameters)
+
+
+def model(name: str, **parameters: Any) -> Model:
+    """Return a model by its name, one of `MODELS`: no discrete action, but written down as it is.
+
+    Raises ValueError if there is no such model or parameter, or its value makes no sense.
+    """
+    if not among(name, MODELS):
+        raise ValueError(
+            f"unknown model {name!r}{suggestion(str(name), tuple(MODELS))}; "
+            f"there are {', '.join(MODELS)}"
+        )
+    known = inspect.signature(MODELS[name]).parameters
+    for word in parameters:
+        if word not in known:
+            raise ValueError(
+                f"unknown parameter {word!r} of {name}{suggestion(word, tuple(known))}; "
+                f"it has {', '.join(known)}"
+            )
+    made = MODELS[name](**parameters)
+    made.parameters = parameters
+    return made
+
+
+def member(
+    name: str, elements: int | None = None, degree: int | None = None, **parameters: Any
+) -> Member:
+    """Return the member of a family, or the model, of this name.
+
+    Raises ValueError as `get` and `model` do.
+    """
+    if not among(name, MODELS):
+        return get(name, elements, degree, **parameters)
+    mesh = {"elements": elements, "degree": degree}
+    return model(name, **{k: v for k, v in mesh.items() if v is not None}, **parameters)
 
 
 def find(

@@ -12,7 +12,7 @@ import numpy as np
 
 from actionopt import suite
 from actionopt.suite import solvers
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.member import Member
 from actionopt.suite.verdict import examine
 from actionopt.tools.process import processor_time
 
@@ -33,9 +33,9 @@ class Cell:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     repeats: int = 1
 
-    def make(self) -> TestProblem:
+    def make(self) -> Member:
         """Return the problem."""
-        return suite.get(self.problem, self.elements, self.degree, **self.parameters)
+        return suite.member(self.problem, self.elements, self.degree, **self.parameters)
 
 
 def attempt(cell: Cell) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def attempt(cell: Cell) -> dict[str, Any]:
     x0, program = problem.start(cell.start), problem.view()
     # A start may have taken the answer: it is not left to be read where a solver can look.
     del problem
-    program.transcription.problem.system.forget()
+    program.forget()
     try:
         answer = solvers.run(cell.solver, program, x0, cell.repeats)
     except solvers.Absent as error:
@@ -74,19 +74,24 @@ def attempt(cell: Cell) -> dict[str, Any]:
 
 
 def with_verdict(
-    found: dict[str, Any], problem: TestProblem, start: str | None = None
+    found: dict[str, Any], problem: Member, start: str | None = None
 ) -> dict[str, Any]:
     """Return what was found with what there is to know of it; a point only if it is a new one."""
     about = {"class": problem.classification, "n": problem.n, "m": problem.m}
     if found["outcome"] != "answered":
         return about | found
-    lowest, x0 = problem.lowest, problem.start(start)
+    x0 = problem.start(start)
     known = {
         "unbounded": problem.unbounded,
-        "f_star": problem.f_star,
-        "f_lowest": lowest if np.isfinite(lowest) else None,
+        "infeasible": problem.infeasible or None,
         "f_start": problem.objective(x0),
     }
+    if not problem.infeasible:
+        lowest = problem.lowest
+        known["f_star"], known["f_lowest"] = (
+            problem.f_star,
+            lowest if np.isfinite(lowest) else None,
+        )
 
     def with_evidence(answer: dict[str, Any]) -> dict[str, Any]:
         x = np.array(answer.pop("x", []))

@@ -11,6 +11,7 @@ from actionopt import suite
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
 from actionopt.suite.dials import DIALS
+from actionopt.suite.member import Member
 from actionopt.suite.verdict import VERDICT_MODES, meaning, verdict
 from actionopt.tools.progress import Bar
 from actionopt.tools.table import print_table
@@ -51,6 +52,9 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     chosen = argparse.ArgumentParser(add_help=False)
     chosen.add_argument(
         "--problem", action="append", default=[], help="only this one; may be repeated"
+    )
+    chosen.add_argument(
+        "--models", action="store_true", help="the models, instead of the discrete actions"
     )
     chosen.add_argument(
         "--tag", action="append", default=[], help="only those with this tag; may be repeated"
@@ -143,12 +147,14 @@ def _setting(text: str) -> tuple[str, float]:
 
 
 def _names(options: argparse.Namespace) -> list[str]:
-    found = suite.find(tags=options.tag)
-    if not options.problem:
-        return found
     for name in options.problem:
-        suite.get(name)  # raises for one that does not exist
-    return [name for name in options.problem if name in found]
+        suite.member(name)  # raises for one that does not exist
+    if options.models:
+        names = options.problem or list(suite.MODELS)
+        return [name for name in names if set(options.tag) <= set(suite.member(name).tags)]
+    found = suite.find(tags=options.tag)
+    named = found if options.tag else [*found, *suite.MODELS]
+    return [name for name in options.problem if name in named] if options.problem else found
 
 
 def show(options: argparse.Namespace) -> int:
@@ -167,8 +173,8 @@ def show(options: argparse.Namespace) -> int:
     return 0
 
 
-def _get(name: str, options: argparse.Namespace) -> suite.TestProblem:
-    return suite.get(name, options.elements, options.degree, **dict(options.set))
+def _get(name: str, options: argparse.Namespace) -> Member:
+    return suite.member(name, options.elements, options.degree, **dict(options.set))
 
 
 def _problem_names(options: argparse.Namespace) -> list[str]:
@@ -181,7 +187,7 @@ def _problem_names(options: argparse.Namespace) -> list[str]:
         try:
             problem = _get(name, options)
             problem.start(options.start)
-            assert problem.star
+            assert problem.kind
         except ValueError as error:
             if options.problem:
                 raise
@@ -264,7 +270,7 @@ def dump(options: argparse.Namespace) -> int:
     from actionopt.suite.dump import archive
     from actionopt.suite.dump import dump as write
 
-    def skip(problem: suite.TestProblem, error: ValueError) -> None:
+    def skip(problem: Member, error: ValueError) -> None:
         if options.problem:
             raise error
         print(f"  left out: {problem.name}: {error}", file=sys.stderr)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.member import Member
 from actionopt.suite.sparse import whole
 from actionopt.tools.types import Array
 
@@ -33,7 +33,7 @@ class Cutest:
 
     Parameters
     ----------
-    problem : TestProblem
+    problem : Member
     start : str, optional
         The starting point x0; the problem's own by default.
 
@@ -47,7 +47,7 @@ class Cutest:
         index of no constraint.
     """
 
-    def __init__(self, problem: TestProblem, start: str | None = None) -> None:
+    def __init__(self, problem: Member, start: str | None = None) -> None:
         clock = process_time()
         self.problem = problem
         n, m = problem.n, problem.m

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from actionopt import suite
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.member import Member
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,11 @@ class Dial:
     start: str
     shows: str
 
-    def members(self) -> Iterator[tuple[float, TestProblem]]:
+    def members(self) -> Iterator[tuple[float, Member]]:
         """Yield each value and its member."""
         for value in self.values:
             mesh = self.elements, self.degree
-            yield value, suite.get(self.family, *mesh, **{self.parameter: value})
+            yield value, suite.member(self.family, *mesh, **{self.parameter: value})
 
     def value(self, record: Mapping[str, Any]) -> float | None:
         """Return the value a record of the runner is at; None if it is of no member."""

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from actionopt.suite import mof, nl, standalone
+from actionopt.suite.member import Member
 from actionopt.suite.problem import TestProblem
 from actionopt.tools.files import whole, write
 
@@ -31,15 +32,16 @@ EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files in an archive: the first a zip can
 
 
 def dump(
-    problems: Iterable[TestProblem],
+    problems: Iterable[Member],
     directory: str | Path,
     *,
-    skipped: Callable[[TestProblem, ValueError], None] | None = None,
+    skipped: Callable[[Member, ValueError], None] | None = None,
 ) -> Path:
     """Write each problem as FILE.nl, .row, .col, .mof.json and .py, and what is known as FILE.json.
 
-    And `manifest.json`, with each file's SHA-256, and `known_optima.csv`. Numbers are written so
-    that they read back to the last bit. Return the manifest's path.
+    Of models, there are no .mof.json and .py. And `manifest.json`, with each file's SHA-256, and
+    `known_optima.csv`. Numbers are written so that they read back to the last bit. Return the
+    manifest's path.
 
     A problem without an optimum is left out, and `skipped(problem, error)` called; without that the
     error is raised.
@@ -59,8 +61,9 @@ def dump(
             continue
         stem = file_name(problem)
         made = nl.write(problem, folder / f"{stem}.nl")
-        made.append(mof.write(problem, folder / f"{stem}.mof.json"))
-        made.append(standalone.write(problem, folder / f"{stem}.py"))
+        if isinstance(problem, TestProblem):
+            made.append(mof.write(problem, folder / f"{stem}.mof.json"))
+            made.append(standalone.write(problem, folder / f"{stem}.py"))
         made.append(folder / f"{stem}.json")
         write(made[-1], json.dumps(known, indent=1) + "\n")
         digests = {f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in made}
@@ -72,15 +75,15 @@ def dump(
     return manifest
 
 
-def file_name(problem: TestProblem) -> str:
+def file_name(problem: Member) -> str:
     """Return the problem's name, with the mesh and parameters if they are not the family's own."""
-    family, degree = problem.family, max(problem.mesh.degrees)
-    parts = [problem.name]
-    if (problem.mesh.elements, degree) != (family.elements, family.degree):
-        parts.append(f"{problem.mesh.elements}x{degree}")
-    settings = dict(sorted(problem.parameters.items()))
-    if problem.decades != family.decades:
-        settings["decades"] = problem.decades
+    parts, settings = [problem.name], dict(sorted(problem.parameters.items()))
+    if isinstance(problem, TestProblem):
+        family, degree = problem.family, max(problem.mesh.degrees)
+        if (problem.mesh.elements, degree) != (family.elements, family.degree):
+            parts.append(f"{problem.mesh.elements}x{degree}")
+        if problem.decades != family.decades:
+            settings["decades"] = problem.decades
     return "-".join([*parts, *(f"{name}={_short(value)}" for name, value in settings.items())])
 
 
@@ -115,7 +118,7 @@ def archive(directory: str | Path, file: str | Path) -> Path:
     return Path(file)
 
 
-def summary(problem: TestProblem) -> dict[str, Any]:
+def summary(problem: Member) -> dict[str, Any]:
     """Return name, class and sizes."""
     return {
         "file": file_name(problem),
@@ -123,28 +126,29 @@ def summary(problem: TestProblem) -> dict[str, Any]:
         "class": problem.classification,
         "kind": problem.kind,
         "unbounded_below": problem.unbounded,
-        "decades": problem.decades,
-        "parameters": problem.parameters,
+        "parameters": dict(problem.parameters),
         "start": problem.default_start,
         "tags": list(problem.tags),
-        "elements": problem.mesh.elements,
-        "degree": max(problem.mesh.degrees),
+        **problem.resolution,
         "n": problem.n,
         "m": problem.m,
         "nnz_jacobian": problem.nnz_jacobian,
         "nnz_hessian": problem.nnz_hessian,
         "sign_of_multipliers": SIGN,
-        "source": problem.scene.source,
+        **problem.origin,
     }
 
 
-def facts(problem: TestProblem) -> dict[str, Any]:
+def facts(problem: Member) -> dict[str, Any]:
     """Return what is known of a problem, as plain data; None of a bound that there is not."""
     bounds = zip(
         ("x_lower", "x_upper", "c_lower", "c_upper"),
         (*problem.bounds, *problem.constraint_bounds),
         strict=True,
     )
+    lowest, continuous = problem.lowest, {}
+    if isinstance(problem, TestProblem):
+        continuous["continuous_action"] = problem.continuous.action
     return {
         **summary(problem),
         "variables": problem.variable_names,
@@ -155,10 +159,10 @@ def facts(problem: TestProblem) -> dict[str, Any]:
         "lam_star": problem.lam_star.tolist(),
         "f_star": problem.f_star,
         "index_star": problem.index_star,
-        "f_lowest_known": problem.lowest if np.isfinite(problem.lowest) else None,
+        "f_lowest_known": lowest if np.isfinite(lowest) else None,
         "other_stationary_points": [
             {"x": s.x.tolist(), "f": s.f, "index": s.index, "kind": s.kind} for s in problem.others
         ],
-        "continuous_action": problem.continuous.action,
+        **continuous,
         "known_by": problem.known_by,
     }

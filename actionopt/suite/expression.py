@@ -10,7 +10,9 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from actionopt.discrete.transcription import Transcription
 from actionopt.suite.program import Program
+from actionopt.tools.types import Array
 
 
 def nlp(problem: Program, kind: Literal["SX", "MX"] = "MX") -> dict[str, Any]:
@@ -24,44 +26,44 @@ def nlp(problem: Program, kind: Literal["SX", "MX"] = "MX") -> dict[str, Any]:
     >>> nlp(suite.get("oscillator", elements=2, degree=2))["x"].shape
     (3, 1)
     """
-    x = ca.MX.sym("x", problem.n)
-    f, g = _map(problem, x)
-    if kind == "MX":
-        return {"x": x, "f": f, "g": g}
-    function = ca.Function("nlp", [x], [f, g]).expand()
-    y = ca.SX.sym("x", problem.n)
-    f, g = function(y)
-    return {"x": y, "f": f, "g": g}
+    x, f, g = problem.expression()
+    symbol = ca.MX if kind == "MX" else ca.SX
+    if not isinstance(x, symbol):
+        function = ca.Function("nlp", [x], [f, g])
+        x = symbol.sym("x", problem.n)
+        f, g = (function if kind == "MX" else function.expand())(x)
+    return {"x": x, "f": f, "g": g}
 
 
-def _map(problem: Program, x: ca.MX) -> tuple[ca.MX, ca.MX]:
-    tr = problem.transcription
+def action_expression(tr: Transcription, stretch: Array) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Return x, in the scene's units times `stretch` (n,), the discrete action and the rows."""
     layout, asked = tr.layout, tr.problem
     system, n, count = asked.system, asked.system.n, layout.node_count
-    place = ca.Sparsity.triplet(count * n, problem.n, layout.free.tolist(), list(range(problem.n)))
+    unknowns = layout.unknowns
+    x = ca.MX.sym("x", unknowns)
+    place = ca.Sparsity.triplet(count * n, unknowns, layout.free.tolist(), list(range(unknowns)))
     pinned = tr.ends.copy()
-    own = ca.DM(place, 1 / problem.stretch) @ x  # in the scene's units
+    own = ca.DM(place, 1 / stretch) @ x  # in the scene's units
     Q = ca.reshape(ca.DM(pinned.ravel()) + own, n, count)
     p = ca.DM(asked.packed.ravel())
     s = system.symbols
     L = ca.Function("L", [s.q, s.v, s.t, s.p], [system.L])
     at = Q[:, layout.node_of.tolist()]
     E = layout.evaluations
-    values = L.map(E)(at, Q @ _differentiation(problem), ca.DM(tr.times.T), ca.repmat(p, 1, E))
+    values = L.map(E)(at, Q @ _differentiation(tr), ca.DM(tr.times.T), ca.repmat(p, 1, E))
     f = ca.dot(ca.DM(tr.weight.T), values)
-    if not problem.m:
-        return f, ca.MX(0, 1)
+    if not layout.rows:
+        return x, f, ca.MX(0, 1)
     rows = layout.row_nodes
     constraint = ca.Function("f", [s.q, s.t, s.p], [system.f])
     R = rows.size
     g = constraint.map(R)(Q[:, rows.tolist()], ca.DM(tr.row_times.T), ca.repmat(p, 1, R))
     weight = np.repeat(tr.row_weight.ravel(), system.m)
-    return f, (ca.DM(weight) * ca.vec(g))[layout.row_select.tolist()]
+    return x, f, (ca.DM(weight) * ca.vec(g))[layout.row_select.tolist()]
 
 
-def _differentiation(problem: Program) -> ca.DM:
+def _differentiation(tr: Transcription) -> ca.DM:
     """Return the constant matrix from coordinates at nodes to velocities at evaluations."""
-    tr = problem.transcription
     layout = tr.layout
     row, col, value = [], [], []
     for g in layout.groups:

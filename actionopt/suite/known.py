@@ -15,26 +15,26 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.suite.program import Program
+from actionopt.suite.action import ActionProgram
 from actionopt.tools.texts import read
 from actionopt.tools.types import Array
 
 KNOWN_FILE = Path(__file__).with_name("known.json")
 
 
-def points(name: str, program: Program) -> list[Array]:
+def points(name: str, program: ActionProgram) -> list[Array]:
     """Return points x (n,), in sizes of the coordinates, near stationary ones of this problem."""
     entry = table().get(key(name, program))
     return [np.array(x) for x in entry["points"]] if entry else []
 
 
-def starts(name: str, program: Program) -> int:
+def starts(name: str, program: ActionProgram) -> int:
     """Return from how many random starts others were looked for."""
     entry = table().get(key(name, program))
     return entry["starts"] if entry else 0
 
 
-def key(name: str, program: Program) -> str:
+def key(name: str, program: ActionProgram) -> str:
     """Return the name and the mesh."""
     return f"{name} {program.mesh.elements} x {max(program.mesh.degrees)}"
 

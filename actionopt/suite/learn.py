@@ -18,7 +18,8 @@ import numpy as np
 
 from actionopt import suite
 from actionopt.suite import known, solvers
-from actionopt.suite.problem import SEED, Stationary, TestProblem
+from actionopt.suite.member import Stationary
+from actionopt.suite.problem import SEED, TestProblem
 from actionopt.suite.runner import load
 from actionopt.suite.verdict import SAME_POINT
 from actionopt.tools.files import rounded, write

@@ -13,7 +13,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from actionopt.suite.program import Program
+from actionopt.suite.action import ActionProgram
 from actionopt.suite.stars import least_multipliers
 from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array, NDInt
@@ -32,7 +32,7 @@ class Listing:
         Whether nothing of the constraints depends on q beside these.
     """
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: ActionProgram) -> None:
         self.program = program
         self.tr, self.layout = program.transcription, program.transcription.layout
         asked = self.tr.problem
@@ -172,7 +172,7 @@ class ConstraintRow:
     weight: float
 
 
-def first_multipliers(problem: Program, x0: Array) -> Array:
+def first_multipliers(problem: ActionProgram, x0: Array) -> Array:
     """Return multipliers lam (m,) to begin with: those that fit x0 best in the sense of squares.
 
     None with inequalities: which of them hold is not known there.

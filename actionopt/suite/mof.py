@@ -17,9 +17,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from actionopt.suite.action import ActionProgram
 from actionopt.suite.listing import Listing, first_multipliers
 from actionopt.suite.problem import TestProblem
-from actionopt.suite.program import Program
 from actionopt.tools.files import whole
 from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array
@@ -37,7 +37,7 @@ SETS = {(True, False): "GreaterThan", (False, True): "LessThan", (True, True): "
 Term = dict[str, Any]
 
 
-def write(problem: Program, file: str | Path, x0: Array | None = None) -> Path:
+def write(problem: ActionProgram, file: str | Path, x0: Array | None = None) -> Path:
     """Write the problem with the starting point x0 (n,), by default its own; return the file.
 
     Raises ValueError if its Lagrangian has an operation the format does not know.
@@ -50,7 +50,7 @@ def write(problem: Program, file: str | Path, x0: Array | None = None) -> Path:
     return Path(file)
 
 
-def text(problem: Program, x0: Array) -> Iterator[str]:
+def text(problem: ActionProgram, x0: Array) -> Iterator[str]:
     """Yield the text of the file in pieces: it is never in memory as a whole."""
     listing, names = Listing(problem), problem.variable_names
     head = {

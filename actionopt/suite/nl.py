@@ -10,32 +10,21 @@ Source: D. M. Gay, *Writing .nl Files*, Sandia report SAND2005-7907P (2005).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from actionopt.suite.action import ActionProgram
 from actionopt.suite.listing import ConstraintRow, Evaluation, Listing, first_multipliers
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.member import Member
+from actionopt.suite.models import nl_expressions
+from actionopt.suite.nl_lines import bound, derivatives, entries, number, prefix
 from actionopt.suite.program import Program
 from actionopt.tools.files import whole
-from actionopt.tools.tape import Node, Tape
+from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array
-
-# CasADi's operation: its opcode, and where the format has none of its own, more lines about the
-# operands: before them, and after.
-NL_CODES = {"ADD": 0, "SUB": 1, "MUL": 2, "DIV": 3, "POW": 5, "CONSTPOW": 5, "NEG": 16, "FABS": 15}
-NL_CODES |= {"TANH": 37, "TAN": 38, "SQRT": 39, "SINH": 40, "SIN": 41, "LOG": 43, "EXP": 44}
-NL_CODES |= {"COSH": 45, "COS": 46, "ATANH": 47, "ATAN2": 48, "ATAN": 49, "ASINH": 50, "ASIN": 51}
-NL_CODES |= {"ACOSH": 52, "ACOS": 53}
-NL_OPERATIONS = {
-    **{getattr(ca, f"OP_{name}"): (f"o{code}", "") for name, code in NL_CODES.items()},
-    ca.OP_SQ: ("o5", "n2"),
-    ca.OP_TWICE: ("o2\nn2", ""),
-    ca.OP_INV: ("o3\nn1", ""),
-}
 
 
 def write(
@@ -47,9 +36,10 @@ def write(
     objective. Raises ValueError if its Lagrangian has an operation the format does not know.
     """
     if x0 is None:
-        assert isinstance(problem, TestProblem)
+        assert isinstance(problem, Member)
         x0 = problem.start()
-    rows, columns = [*problem.constraint_names, "action"], problem.variable_names
+    objective = "action" if isinstance(problem, ActionProgram) else "f"
+    rows, columns = [*problem.constraint_names, objective], problem.variable_names
     longest = (max(map(len, rows)), max(map(len, columns))) if names else (0, 0)
     texts: dict[Path, Iterable[str]] = {Path(file): lines(problem, x0, longest)}
     if names:
@@ -66,12 +56,18 @@ def lines(problem: Program, x0: Array, longest: tuple[int, int] = (0, 0)) -> Ite
 
     `longest` are the lengths of the longest names, of rows and of columns, if there are any.
     """
+    if isinstance(problem, ActionProgram):
+        return _of_action(problem, x0, longest)
+    return nl_expressions.lines(problem, x0, longest)
+
+
+def _of_action(problem: ActionProgram, x0: Array, longest: tuple[int, int]) -> Iterator[str]:
     listing = Listing(problem)
     first = problem.n + sum(len(tape.common) for _, _, tape in _row_tapes(listing))
     yield _header(problem, listing, first - problem.n, longest)
     for names, places, tape in _row_tapes(listing):
         for name, k in zip(names, tape.common, strict=True):
-            yield f"V{name[1:]} 0 0\n" + _text(tape, k).format(**places)
+            yield f"V{name[1:]} 0 0\n" + prefix(tape, k).format(**places)
     for here, at, places in _evaluations(listing, first):
         yield from _definitions(listing, here, at, places)
     yield from _rows(listing)
@@ -79,21 +75,21 @@ def lines(problem: Program, x0: Array, longest: tuple[int, int] = (0, 0)) -> Ite
     lam = first_multipliers(problem, x0)
     if lam.size:
         yield f"d{lam.size}\n"
-        yield from _entries(-lam)
+        yield from entries(-lam)
     yield f"x{problem.n}\n"
-    yield from _entries(x0)
+    yield from entries(x0)
     coefficients, constants = listing.linear
     if problem.m:
         shift = constants if listing.affine else 0.0
         lower, upper = problem.constraint_bounds
         yield "r\n"
-        yield from map(_bound, lower - shift, upper - shift)
+        yield from map(bound, lower - shift, upper - shift)
     yield "b\n"
-    yield from map(_bound, *problem.bounds)
-    yield from _derivatives(problem, coefficients)
+    yield from map(bound, *problem.bounds)
+    yield from derivatives(problem, coefficients)
 
 
-def _header(problem: Program, listing: Listing, rows: int, longest: tuple[int, int]) -> str:
+def _header(problem: ActionProgram, listing: Listing, rows: int, longest: tuple[int, int]) -> str:
     n, m = problem.n, problem.m
     bent = 0 if listing.affine else m
     lower, upper = problem.constraint_bounds
@@ -133,12 +129,12 @@ def _places(listing: Listing, here: Evaluation | ConstraintRow) -> dict[str, Any
     """Return how the coordinates there, in the scene's units, and the time are written."""
     stretch, plain = listing.program.stretch, not listing.program.decades
     q = [
-        f"n{_number(value)}"
+        f"n{number(value)}"
         if j < 0
-        else (f"v{j}" if plain else f"o2\nn{_number(1 / float(stretch[j]))}\nv{j}")
+        else (f"v{j}" if plain else f"o2\nn{number(1 / float(stretch[j]))}\nv{j}")
         for j, value in zip(here.columns.tolist(), here.given.tolist(), strict=True)
     ]
-    return {"q": q, "t": f"n{_number(here.time)}"}
+    return {"q": q, "t": f"n{number(here.time)}"}
 
 
 def _definitions(
@@ -152,18 +148,18 @@ def _definitions(
         rates = here.rate[free] / listing.program.stretch[columns]
         yield f"V{at + i} {columns.size} 0\n"
         terms = zip(columns.tolist(), rates.tolist(), strict=True)
-        yield from (f"{j} {_number(rate)}\n" for j, rate in terms)
-        yield f"n{_number(float(here.fixed[a]))}\n"
+        yield from (f"{j} {number(rate)}\n" for j, rate in terms)
+        yield f"n{number(float(here.fixed[a]))}\n"
     for i, k in enumerate(tape.common):
-        yield f"V{at + len(moving) + i} 0 0\n" + _text(tape, k).format(**places)
+        yield f"V{at + len(moving) + i} 0 0\n" + prefix(tape, k).format(**places)
 
 
 def _objective(listing: Listing, first: int) -> Iterator[str]:
     tape, count = listing.lagrangian, listing.layout.evaluations
     yield f"O0 0\no54\n{count}\n" if count > 2 else "O0 0\no0\n"
-    template = _text(tape, tape.results[0][0], named=True)
+    template = prefix(tape, tape.results[0][0], named=True)
     for here, _, places in _evaluations(listing, first):
-        yield f"o2\nn{_number(here.weight)}\n" + template.format(**places)
+        yield f"o2\nn{number(here.weight)}\n" + template.format(**places)
 
 
 # -- the constraints -------------------------------------------------------------------------
@@ -185,89 +181,10 @@ def _rows(listing: Listing) -> Iterator[str]:
     if listing.affine:
         yield from (f"C{r}\nn0\n" for r in range(listing.program.m))
         return
-    templates = [_text(tape, tape.results[0][0], named=True) for tape in listing.constraints]
+    templates = [prefix(tape, tape.results[0][0], named=True) for tape in listing.constraints]
     constants = listing.linear[1]
     rows = zip(listing.rows(), _row_tapes(listing), constants.tolist(), strict=True)
     for r, (here, (_, places, _), constant) in enumerate(rows):
-        added = f"o0\nn{_number(constant)}\n" if constant else ""
+        added = f"o0\nn{number(constant)}\n" if constant else ""
         text = templates[here.which].format(**places)
-        yield f"C{r}\n{added}o2\nn{_number(here.weight)}\n{text}"
-
-
-def _derivatives(problem: Program, coefficients: Array) -> Iterator[str]:
-    """Yield the structure of Jacobian and gradient, with what is linear."""
-    rows, cols = problem.jacobian_structure
-    columns = np.cumsum(np.bincount(cols, minlength=problem.n))
-    yield f"k{problem.n - 1}\n"
-    yield from (f"{count}\n" for count in columns[:-1].tolist())
-    order = np.argsort(rows, kind="stable")
-    splits = np.searchsorted(rows[order], np.arange(1, problem.m))
-    for i, mine in enumerate(np.split(order, splits) if problem.m else []):
-        yield f"J{i} {mine.size}\n"
-        values = zip(cols[mine].tolist(), coefficients[mine].tolist(), strict=True)
-        yield from (f"{j} {_number(value)}\n" for j, value in values)
-    yield f"G0 {problem.n}\n"
-    yield from (f"{j} 0\n" for j in range(problem.n))
-
-
-# -- lines -----------------------------------------------------------------------------------
-
-
-def _text(tape: Tape, root: int, named: bool = False) -> str:
-    """Return an expression in Polish prefix form, to be formatted with what its operands are.
-
-    What is shared is only named; `named`: even the expression itself.
-    """
-    names = {k: f"{{s[{i}]}}" for i, k in enumerate(tape.common)}
-    stack: list[int | str] = [root]
-    lines: list[str] = []
-    while stack:
-        item = stack.pop()
-        if isinstance(item, str):
-            lines.append(item)
-            continue
-        node = tape.nodes[item]
-        if item in names and (named or lines):
-            lines.append(names[item])
-        elif node.kind == "input":
-            lines.append(f"{{{tape.place(node)}}}")
-        elif node.kind == "constant":
-            lines.append(f"n{_number(node.value)}")
-        elif len(terms := _sum(tape.nodes, item, names)) > 2:
-            lines += ["o54", str(len(terms))]
-            stack.extend(reversed(terms))
-        else:
-            if node.operation not in NL_OPERATIONS:
-                raise ValueError(
-                    f"expected an operation of the .nl format, found CasADi's {node.operation}"
-                )
-            before, after = NL_OPERATIONS[node.operation]
-            lines.append(before)
-            stack.extend([after] if after else [])
-            stack.extend(reversed(node.operands))
-    return "\n".join(lines) + "\n"
-
-
-def _sum(nodes: Sequence[Node], item: int, names: Mapping[int, str]) -> list[int]:
-    """Return the terms of ((a + b) + c) + ..., from the left: the order of summation is kept."""
-    terms: list[int] = []
-    while nodes[item].operation == ca.OP_ADD and not (terms and item in names):
-        item, last = nodes[item].operands
-        terms.append(last)
-    return [item, *reversed(terms)]
-
-
-def _entries(values: Array) -> Iterator[str]:
-    yield from (f"{i} {_number(value)}\n" for i, value in enumerate(values.tolist()))
-
-
-def _bound(lower: float, upper: float) -> str:
-    if lower == upper:
-        return f"4 {_number(lower)}\n"
-    if np.isinf(lower):
-        return "3\n" if np.isinf(upper) else f"1 {_number(upper)}\n"
-    return f"2 {_number(lower)}\n" if np.isinf(upper) else f"0 {_number(lower)} {_number(upper)}\n"
-
-
-def _number(value: float) -> str:
-    return f"{value:.17g}"
+        yield f"C{r}\n{added}o2\nn{number(here.weight)}\n{text}"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
@@ -13,9 +12,10 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.suite import active_set, known
+from actionopt.suite.action import ActionProgram
 from actionopt.suite.families import STEADY, Family, sample
 from actionopt.suite.limits import EQUAL, UNLIMITED, Bounds
-from actionopt.suite.program import Program
+from actionopt.suite.member import Member, Stationary
 from actionopt.suite.stars import (
     Continuous,
     Star,
@@ -34,29 +34,9 @@ PERTURBATION, PERTURBED_NEAR = 0.1, 1e-3  # in units of the coordinates' sizes
 WAYPOINTS = 3  # of the coarse starting point, between the ends
 FALLING = ("kepler_polar", "kepler_spherical")  # scenes: 1/r of an r that a solver takes below 0
 MOST_DECADES = 100
-THINNED = 1 / 0.9  # histories: ad hoc
 
 
-@dataclass(frozen=True, eq=False)
-class Stationary:
-    """A stationary point that is known: x (n,), f there, and its index.
-
-    The index is the number of directions that lower f along c = 0; None where it is degenerate.
-    """
-
-    x: Array
-    f: float
-    index: int | None
-
-    @property
-    def kind(self) -> str:
-        """What it is: "minimum", "saddle" or "degenerate"."""
-        if self.index is None:
-            return "degenerate"
-        return "saddle" if self.index else "minimum"
-
-
-class TestProblem(Program):
+class TestProblem(ActionProgram, Member):
     """One member of a family: a smooth nonlinear program with known answers.
 
     The functions are those of `Program`. To begin with: `start(name)`, name one of `start_names`.
@@ -126,6 +106,16 @@ class TestProblem(Program):
     def name(self) -> str:
         """The family's name."""
         return self.family.name
+
+    @property
+    def origin(self) -> dict[str, Any]:
+        """Decades of the units, and where the scene is from."""
+        return {"decades": self.decades, "source": self.scene.source}
+
+    @property
+    def resolution(self) -> dict[str, int]:
+        """Elements and degree of the mesh."""
+        return {"elements": self.mesh.elements, "degree": max(self.mesh.degrees)}
 
     @property
     def tags(self) -> tuple[str, ...]:
@@ -299,19 +289,14 @@ class TestProblem(Program):
         return tr.action(self.star.z[: self.n]) * tr.action_unit
 
     @property
+    def f_unit(self) -> float:
+        """Size of f, as far as the events tell."""
+        return abs(self.transcription.action_unit)
+
+    @property
     def index_star(self) -> int | None:
         """Number of directions that lower f there along c = 0; None where it is degenerate."""
         return None if self.scene.facts.flat else self.star.index
-
-    @property
-    def kind(self) -> str:
-        """What the optimum is: "minimum", "saddle" or "degenerate"."""
-        return self.optimum.kind
-
-    @property
-    def optimum(self) -> Stationary:
-        """All that together."""
-        return Stationary(self.x_star, self.f_star, self.index_star)
 
     @cached_property
     def others(self) -> tuple[Stationary, ...]:
@@ -328,13 +313,6 @@ class TestProblem(Program):
     def _stationary(self, star: Star) -> Stationary:
         tr, scaled = self.transcription, star.z[: self.n]
         return Stationary(scaled * self.unit, tr.action(scaled) * tr.action_unit, star.index)
-
-    @cached_property
-    def lowest(self) -> float:
-        """The least f that is known of a minimum, or of a degenerate optimum; inf without one."""
-        return min(
-            (s.f for s in (self.optimum, *self.others) if s.kind != "saddle"), default=np.inf
-        )
 
     @cached_property
     def flat(self) -> Array:
@@ -373,12 +351,6 @@ class TestProblem(Program):
 
     # -- judging -----------------------------------------------------------------------------
 
-    def distance(self, x: Array, star: Array | None = None) -> float:
-        """Return max |x - x_star| in units of the coordinates, flat directions left out."""
-        away = (np.asarray(x) - (self.x_star if star is None else star)) / self.unit
-        away = away - self.flat @ (self.flat.T @ away)
-        return float(np.max(np.abs(away), initial=0.0))
-
     def nearest(self, x: Array, reach: float) -> Stationary | None:
         """Return the stationary point within `reach` of x, in `unit`, that Newton's method finds.
 
@@ -398,27 +370,6 @@ class TestProblem(Program):
             lower, upper = self.bounds
             outside += [(lower - x) / self.unit, (x - upper) / self.unit]
         return float(np.max(np.concatenate(outside)))
-
-    def history(self, visited: Sequence[Array]) -> list[tuple[int, float, float]]:
-        """Return number, from 1, f and violation of evaluations that were better than all before.
-
-        Better: of less f or less violation than any. Of what is better by less than a tenth, in
-        violation or in what f falls still, only some are kept: there can be thousands.
-        """
-        tr = self.transcription
-        with np.errstate(all="ignore"):
-            f = np.array([tr.action_alone(self._scale(x)) for x in visited]) * tr.action_unit
-            v = np.array([self.violation(x) for x in visited])
-        usable = np.isfinite(f) & np.isfinite(v)
-        end = np.min(f[usable], initial=np.inf)
-        kept: list[tuple[int, float, float]] = []
-        seen = np.empty((0, 2))
-        for k in np.flatnonzero(usable):
-            here = THINNED * (f[k] - end), THINNED * v[k]
-            if not np.any((seen[:, 0] <= here[0]) & (seen[:, 1] <= here[1])):
-                kept.append((int(k) + 1, float(f[k]), float(f"{v[k]:.3g}")))
-                seen = np.vstack([seen, (f[k] - end, v[k])])
-        return kept
 
     def residual(self, x: Array) -> float:
         """Return how far Newton's method would step from x, in units of the coordinates.

@@ -108,7 +108,7 @@ def _least(records: Records) -> dict[tuple, float]:
     """Return f_L of each problem that has one."""
     found: dict[tuple, float] = {}
     for r in records:
-        if r["outcome"] != "answered" or r["unbounded"]:
+        if r["outcome"] != "answered" or r["unbounded"] or r.get("infeasible"):
             continue
         mine = [r["f_lowest"]] if r.get("f_lowest") is not None else []
         if r.get("at") and not r.get("index"):

@@ -26,7 +26,7 @@ from typing import Any
 
 from actionopt.suite import solvers
 from actionopt.suite.cell import Cell, with_verdict
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.member import Member
 from actionopt.suite.verdict import verdict
 from actionopt.tools import process
 from actionopt.tools.files import rounded
@@ -124,8 +124,7 @@ def _numbers(cell: Cell) -> dict[str, Any]:
     values = [problem.objective(x0), *problem.gradient(x0), *problem.constraints(x0), *x0]
     said = " ".join(f"{value:.9g}" for value in (*values, *problem.unit))
     return {
-        "elements": problem.mesh.elements,
-        "degree": max(problem.mesh.degrees),
+        **problem.resolution,
         "start": start,
         "own_start": problem.default_start,
         "numbers": hashlib.sha256(said.encode()).hexdigest()[:12],
@@ -196,7 +195,7 @@ def judge(cell: Cell, about: Mapping[str, Any], outcome: dict[str, Any]) -> dict
 
 
 @lru_cache(maxsize=4)  # solvers take turns on a problem
-def _problem(asked: str) -> TestProblem:
+def _problem(asked: str) -> Member:
     return Cell(**json.loads(asked)).make()
 
 

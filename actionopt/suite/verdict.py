@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.member import Member
 from actionopt.tools.types import Array
 
 VERDICT_MODES = ("minimise", "stationary")
 VERDICT_MEANING = {
     "minimise": {
         "right": "a local minimum, with f not above that of the known optimum; or 'unbounded', "
-        "where f is, with a feasible point far below the optimum and the start",
+        "where f is, with a feasible point far below the optimum and the start; or 'infeasible', "
+        "where nothing is feasible, with a point that violates hardly more than any must",
         "other": "a local minimum with a larger f",
         "saddle": "a stationary point that is no minimum",
         "wrong": "claimed to be an optimum and not stationary, or 'unbounded' where f is not",
@@ -48,6 +49,9 @@ ACCURACIES = (SAME_POINT, 1e-6)
 NEAR = 1.0
 # Times the sizes of f that are known: what so far below is found, has no bottom; ad hoc.
 FAR_BELOW = 1e3
+# Times the least violation of what is infeasible: evidence for it. Solvers lessen sums, not the
+# largest; ad hoc.
+NEAR_LEAST = 2.0
 SAME_VALUE = 1e-9  # relative: values of f that differ less are the same
 
 
@@ -73,6 +77,8 @@ class Evidence:
         Whether its f is larger than that of the known optimum.
     far_below : bool
         Whether x is feasible and f so far below that there is no bottom.
+    least : bool
+        Whether nothing is feasible, and x violates hardly more than anything does.
     """
 
     distance: float | None = None
@@ -85,12 +91,17 @@ class Evidence:
     index: int | None = None
     above: bool = False
     far_below: bool = False
+    least: bool = False
 
 
-def examine(problem: TestProblem, x: Array, x0: Array) -> Evidence:
+def examine(problem: Member, x: Array, x0: Array) -> Evidence:
     """Return what there is to know of x (n,), which a solver came to from x0."""
     if np.shape(x) != (problem.n,) or not np.all(np.isfinite(x)):
         return Evidence()
+    if problem.infeasible:
+        violation = problem.violation(x)
+        least = violation <= NEAR_LEAST * problem.least_violation
+        return Evidence(f=_finite(problem.objective(x)), violation=violation, least=least)
     distance, residual = problem.distance(x), problem.residual(x)
     facts = {
         "distance": distance,
@@ -110,14 +121,14 @@ def examine(problem: TestProblem, x: Array, x0: Array) -> Evidence:
             at, off = "new", problem.distance(x, point.x)
     if point is None:
         return Evidence(**facts)
-    level = SAME_VALUE * max(abs(problem.f_star), abs(problem.transcription.action_unit))
+    level = SAME_VALUE * max(abs(problem.f_star), problem.f_unit)
     above = point.f > problem.f_star + level
     return Evidence(**facts, at=at, off=off, f_there=point.f, index=point.index, above=above)
 
 
-def _is_far_below(problem: TestProblem, x: Array, x0: Array) -> bool:
+def _is_far_below(problem: Member, x: Array, x0: Array) -> bool:
     known = np.array([problem.objective(x0), problem.f_star])
-    size = max(float(np.max(np.abs(known))), problem.transcription.action_unit)
+    size = max(float(np.max(np.abs(known))), problem.f_unit)
     # Far away, what round-off leaves of a row is in proportion to its terms.
     violation, away = problem.violation(x), float(np.max(np.abs(x / problem.unit), initial=1.0))
     f = problem.objective(x)
@@ -131,19 +142,21 @@ def _finite(value: float) -> float | None:
 def verdict(record: Mapping[str, Any], mode: str, accuracy: float = SAME_POINT) -> str:
     """Return the verdict on a record, as the runner writes it, for one mode and accuracy.
 
-    A solver's word counts in three cases: "unbounded" is right with evidence where it is so; to
+    A solver's word counts: "unbounded" and "infeasible" are right with evidence where it is so; to
     claim what is not so is wrong, and to give up a failure. Of solves that differ, the worst
     counts.
     """
     if record["outcome"] != "answered":
         return record["outcome"]
-    unbounded = {"unbounded": record["unbounded"]}
-    answers = [record, *(other | unbounded for other in record.get("differing", ()))]
+    asked = {name: record.get(name) for name in ("unbounded", "infeasible")}
+    answers = [record, *(other | asked for other in record.get("differing", ()))]
     return max((_verdict(answer, mode, accuracy) for answer in answers), key=WORST_LAST.index)
 
 
 def _verdict(record: Mapping[str, Any], mode: str, accuracy: float) -> str:
     minimise = mode == "minimise"
+    if record.get("infeasible") and record["said"] == "infeasible":
+        return "right" if record.get("least") else "failed"
     if minimise and record["said"] == "unbounded":
         if not record["unbounded"]:
             return "wrong"

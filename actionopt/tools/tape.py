@@ -51,7 +51,7 @@ class Tape:
     arguments : sequence of casadi.SX
         Dense columns of symbols.
     results : sequence of casadi.SX
-        Expressions in these.
+        WrittenProgram in these.
     names : sequence of str, optional
         Of the arguments.
 
@@ -105,6 +105,11 @@ class Tape:
         uses = Counter(operand for node in self.nodes for operand in node.operands)
         uses.update(k for result in self.results for k in result)
         return [k for k, node in enumerate(self.nodes) if node.operands and uses[k] > 1]
+
+    @cached_property
+    def common_places(self) -> dict[int, int]:
+        """Their places among each other."""
+        return {k: i for i, k in enumerate(self.common)}
 
     def fold(self, make: Callable[[Node, list[T]], T]) -> list[T]:
         """Return what `make` makes of each node and of what it made of the node's operands."""

@@ -1,0 +1,21 @@
+"""Test problems written down as they are: models of mechanics whose answers are proven.
+
+They are not discrete actions: what solver writers ask for beside those. `actionopt.suite.model`
+makes one by its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from actionopt.suite.models import infeasible
+from actionopt.suite.models.model import Model
+
+MODELS: dict[str, Callable[..., Model]] = {
+    make.__name__: make
+    for make in (
+        infeasible.chain_too_short,
+        infeasible.bump_too_high,
+        infeasible.arm_in_disc,
+    )
+}

@@ -1,0 +1,196 @@
+"""A program that is written down and its answer, from a closed form or proven by its conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from actionopt.suite.member import Member, Stationary
+from actionopt.suite.models.expressions import WrittenProgram
+from actionopt.tools.shown import one_line
+from actionopt.tools.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class KnownAnswer:
+    """What is known of a model.
+
+    Parameters
+    ----------
+    x, lam : (n,), (m,) array
+        The optimum and its multipliers. Where nothing is feasible, x violates the rows least, and
+        lam proves that.
+    how : str
+        How it is known, in words.
+    index : int or None
+        Directions that lower f there along what is feasible; None where it is degenerate.
+    others : sequence of Stationary
+        Other stationary points.
+    least : float, optional
+        Where nothing is feasible: of lam'c(x), for all x.
+    """
+
+    x: Array
+    lam: Array
+    how: str
+    index: int | None = 0
+    others: Sequence[Stationary] = ()
+    least: float | None = None
+
+    __repr__ = one_line
+
+
+class Model(WrittenProgram, Member):
+    """A model of mechanics as a nonlinear program, with its answer.
+
+    Parameters
+    ----------
+    name, x, f, c, named
+        As of `WrittenProgram`.
+    start : (n,) array
+        Where to begin.
+    answer : callable
+        Returns the `KnownAnswer`; it is called once, when it is first asked for.
+    tags : tuple of str
+        What is special about it.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        x: ca.SX,
+        f: ca.SX,
+        c: ca.SX | None = None,
+        *,
+        start: Array,
+        answer: Callable[[], KnownAnswer],
+        tags: tuple[str, ...] = (),
+        **named: Any,
+    ) -> None:
+        super().__init__(name, x, f, c, **named)
+        self._start, self._answer, self._tags = start, answer, tags
+
+    def __repr__(self) -> str:
+        """Show the name, the class and the size."""
+        return f"Model({self.name}, {self.classification})"
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """What is special about it."""
+        return self._tags
+
+    @property
+    def unbounded(self) -> bool:
+        """No model is."""
+        return False
+
+    @property
+    def default_start(self) -> str:
+        """The only one."""
+        return "own"
+
+    @property
+    def start_names(self) -> tuple[str, ...]:
+        """Names of the starting points."""
+        return ("own",)
+
+    def start(self, name: str | None = None) -> Array:
+        """Return the starting point x0, (n,); raises ValueError for another name than "own"."""
+        if name not in (None, "own"):
+            raise ValueError(f"expected the starting point 'own', found {name!r}")
+        return np.array(self._start, dtype=float)
+
+    # -- what is known -----------------------------------------------------------------------
+
+    @cached_property
+    def answer(self) -> KnownAnswer:
+        """What is known."""
+        return self._answer()
+
+    @property
+    def x_star(self) -> Array:
+        """The optimum, (n,)."""
+        return self.answer.x
+
+    @property
+    def lam_star(self) -> Array:
+        """Its multipliers, (m,)."""
+        return self.answer.lam
+
+    @property
+    def f_star(self) -> float:
+        """F there."""
+        return self._objective(self.x_star)
+
+    @property
+    def f_unit(self) -> float:
+        """How far f falls from the start."""
+        return abs(self._objective(self._start) - self.f_star)
+
+    @property
+    def index_star(self) -> int | None:
+        """Number of directions that lower f there."""
+        return self.answer.index
+
+    @property
+    def others(self) -> tuple[Stationary, ...]:
+        """Other stationary points."""
+        return tuple(self.answer.others)
+
+    @property
+    def infeasible(self) -> bool:
+        """Whether nothing is feasible."""
+        return self.answer.least is not None
+
+    @property
+    def kind(self) -> str:
+        """What the optimum is: "minimum", "saddle", "degenerate"; "infeasible" if there is none."""
+        return "infeasible" if self.infeasible else super().kind
+
+    @property
+    def lowest(self) -> float:
+        """The least f that is known of a minimum; infinite if there is none."""
+        return np.inf if self.infeasible else super().lowest
+
+    @property
+    def margin(self) -> float:
+        """How much lam'c exceeds what is allowed, for all x; proves that none is feasible."""
+        lam, (lower, upper) = self.lam_star, self.constraint_bounds
+        used = np.where(lam > 0, upper, lower)[lam != 0]
+        return (self.answer.least or 0.0) - float(lam[lam != 0] @ used)
+
+    @property
+    def least_violation(self) -> float:
+        """The largest violation of a row is nowhere less than that."""
+        return self.margin / float(np.sum(np.abs(self.lam_star))) if self.infeasible else 0.0
+
+    @property
+    def known_by(self) -> dict[str, str]:
+        """How it is known."""
+        return dict.fromkeys(("x_star", "f_star", "lam_star", "index_star"), self.answer.how)
+
+    # -- judging -----------------------------------------------------------------------------
+
+    def nearest(self, x: Array, reach: float) -> Stationary | None:
+        """Return the known stationary point within `reach` of x, in `unit`; None if none is."""
+        every = (self.optimum, *self.others)
+        near = min(every, key=lambda s: self.distance(x, s.x))
+        return near if self.distance(x, near.x) <= reach else None
+
+    def residual(self, x: Array) -> float:
+        """Return how far x is from the nearest known stationary point, in units of x."""
+        return min(self.distance(x, s.x) for s in (self.optimum, *self.others))
+
+    def violation(self, x: Array) -> float:
+        """Return how far x, in its units, or c is outside its bounds."""
+        lower, upper = self.bounds
+        outside = [np.zeros(1), (lower - x) / self.unit, (x - upper) / self.unit]
+        if self.m:
+            c, (low, high) = self._constraints(x), self.constraint_bounds
+            outside += [low - c, c - high]
+        return float(np.max(np.concatenate(outside)))
