@@ -119,6 +119,14 @@ def returning(drag=False):
     return ao.Problem(driven(drag), ao.Event(0, [None]), ao.Periodic(2 * np.pi))
 
 
+def pendulum_period():
+    """Return that of the amplitude 1, 4 K(sin^2(1/2)), by the arithmetic-geometric mean."""
+    a, b = 1.0, np.cos(0.5)
+    for _ in range(6):
+        a, b = (a + b) / 2, np.sqrt(a * b)
+    return 2 * np.pi / a
+
+
 def double_well():
     """L = v^2 / 2 + a^2 (x^2 - 1)^2 / 2: x = tanh a t, S = 4 a / 3."""
     return ao.System(
@@ -153,6 +161,10 @@ def over_floor(**more):
 
 def disc(names="x y", **more):
     return systems.particle(names, obstacle=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1, **more)
+
+
+def rising_wall():
+    return systems.particle(obstacle=lambda q, t: q[0] - 1 + 8 * (t - 0.5) ** 2)
 
 
 def round_disc():
@@ -264,14 +276,10 @@ def _():
 
 @solves("free time", "closed")
 def _():
-    """A pendulum of amplitude 1: the period 4 K(sin^2(1/2)), by the arithmetic-geometric mean."""
-    a, b = 1.0, np.cos(0.5)
-    for _ in range(6):
-        a, b = (a + b) / 2, np.sqrt(a * b)
     problem = ao.Problem(
         systems.pendulum(), ao.Event(0, [0.0]), ao.Periodic(None), energy=-np.cos(1)
     )
-    assert ao.solve(problem).duration == pytest.approx(2 * np.pi / a, rel=KNOWN)
+    assert ao.solve(problem).duration == pytest.approx(pendulum_period(), rel=KNOWN)
 
 
 @solves("free time", "surface")
@@ -284,6 +292,15 @@ def _():
 def _():
     sol = ao.solve(ask(disc(), [-2, 0.3], [2, 0], None, energy=0.5))
     assert sol.duration == pytest.approx(round_disc(), rel=KNOWN)
+
+
+@solves("free time", "obstacle", "clock")
+def _():
+    """Over the wall of "obstacle x clock", left where its slope is -2: H = 2 from there on."""
+    sol = ao.solve(ask(rising_wall(), [0], [0], None, energy=2.0))
+    assert sol.duration == pytest.approx(0.625 + (1 - 8 / 64) / 2, rel=KNOWN)
+    assert sol.contacts[0].begin == pytest.approx(1 / np.sqrt(8), rel=KNOWN)
+    assert sol.contacts[0].end == pytest.approx(0.625, rel=KNOWN)
 
 
 @solves("free time", "constraint")
@@ -397,7 +414,30 @@ def _():
     assert sol.action == pytest.approx(1 / 3, rel=KNOWN) and sol.morse_index == 0
 
 
-@refuses("infinite time", "obstacle", says="expected finite times of a path along an obstacle")
+@solves("infinite time", "obstacle")
+def _():
+    """On the wall x = 1 - 4 u^2, u = t - 1, until its slope is that of exp(-t): 8 u = 1 - 4 u^2."""
+    wall = ao.System(
+        lambda q, v, t: (v @ v + q @ q) / 2,
+        ["x"],
+        obstacle=lambda q, t: q[0] - 1 + 4 * (t - 1) ** 2,
+    )
+    sol = ao.solve(ao.Problem(wall, ao.Event(1, [1.0]), ao.Event(INF, [0.0])))
+    u = np.sqrt(5) / 2 - 1
+    x = 1 - 4 * u**2
+    along = u / 2 + 28 * u**3 / 3 + 8 * u**5 / 5  # int (64 u^2 + x^2) / 2 du
+    assert sol.contacts[0].end == pytest.approx(1 + u, abs=KNOWN)
+    assert sol(4.0) == pytest.approx([x * np.exp(u - 3)], abs=KNOWN)
+    assert sol.action == pytest.approx(along + x**2 / 2, rel=KNOWN) and sol.morse_index == 0
+
+
+@refuses(
+    "infinite time",
+    "obstacle",
+    "given times",
+    says="comes to it in a finite time",
+    because="what rests in contact is held there by a force",
+)
 def _():
     ask(floor(), [1.0], [0.0], INF)
 
@@ -519,11 +559,27 @@ def _():
 # -- closed paths ----------------------------------------------------------------------------------
 
 
-@refuses("closed", "surface", says="expected a closed path to begin anywhere")
+@solves("closed", "surface")
 def _():
-    ao.Problem(
-        systems.pendulum(), ao.Event(0, [None], on=lambda q, t: q[0] - 0.1), ao.Periodic(8.0)
+    """A pendulum that begins where it passes 1/2: with the period of its amplitude 1."""
+    start = ao.Event(0, [None], on=lambda q, t: q[0] - 0.5)
+    problem = ao.Problem(systems.pendulum(), start, ao.Periodic(None), energy=-np.cos(1))
+    swing = ao.Path.interpolate(lambda t: [1.1 * np.cos(t)], ao.Mesh.uniform(0, 2 * np.pi, 4, 8))
+    sol = ao.solve(problem, guess=swing)
+    assert sol.duration == pytest.approx(pendulum_period(), rel=KNOWN)
+    assert sol.start.v**2 / 2 == pytest.approx([np.cos(0.5) - np.cos(1)], rel=KNOWN)
+
+
+@solves("closed", "surface", "clock")
+def _():
+    """Pushed alike in x and y at the time 0: x = (3/4) cosh(t - pi) / cosh(pi) - cos t / 2."""
+    system = ao.System(
+        lambda q, v, t: (v @ v + q @ q) / 2 + q[0] * np.cos(t) + q[1] * np.sin(t), ["x", "y"]
     )
+    problem = ao.Problem(system, ao.Event(0, [None, None], on=line()), ao.Periodic(2 * np.pi))
+    pushed = lambda t: 0.75 * np.cosh(t - np.pi) / np.cosh(np.pi)  # noqa: E731
+    known = [lambda t, f=f: pushed(t) - f(t) / 2 for f in (np.cos, np.sin)]
+    assert check(problem, *known, T=2 * np.pi).morse_index == 0
 
 
 @solves("closed", "obstacle", "clock")
@@ -544,9 +600,17 @@ def _():
     assert [arc.begin for arc in sol.contacts] == pytest.approx([0, 3 * np.pi / 2], abs=KNOWN)
 
 
-@refuses("closed", "obstacle", says="expected a clock, or an Event as the end")
+@solves("closed", "obstacle")
 def _():
-    ao.Problem(disc(), ao.Event(0, [None, None]), ao.Periodic(1.0))
+    """A belt round two discs of radius 1, 4 apart."""
+    system = systems.particle(
+        "x y", obstacle=lambda q, t: [(q[0] + a) ** 2 + q[1] ** 2 - 1 for a in (-2, 2)]
+    )
+    problem = ao.Problem(system, ao.Event(0, [None, None]), ao.Periodic(1.0))
+    turn = lambda t: [4 * np.cos(2 * np.pi * t), 2 * np.sin(2 * np.pi * t)]  # noqa: E731
+    sol = ao.solve(problem, guess=turn)
+    assert sol.action == pytest.approx((8 + 2 * np.pi) ** 2 / 2, rel=KNOWN)
+    assert sol.inertia.index == 0 and sol.inertia.nullity == sol.inertia.moves == 1
 
 
 @solves("closed", "constraint")
@@ -654,8 +718,7 @@ def _():
 @solves("obstacle", "clock")
 def _():
     """Tangents from the ends touch the wall x = 1 - 8 (t - 1/2)^2 at 1/2 -+ (1/2 - 1/sqrt(8))."""
-    wall = systems.particle(obstacle=lambda q, t: q[0] - 1 + 8 * (t - 0.5) ** 2)
-    sol = ao.solve(ask(wall, [0], [0]))
+    sol = ao.solve(ask(rising_wall(), [0], [0]))
     assert sol.contacts[0].begin == pytest.approx(1 / np.sqrt(8), rel=KNOWN)
 
 

@@ -164,7 +164,7 @@ INTERNAL = {
     *("Problem.found_at", "System.assemble", "System.lagrangian_of"),
     *(f"{kind}.{name}" for kind in ("Event", "Periodic") for name in EVENT_PARTS),
     *("Mesh.cut", "Mesh.over", "Path.carried_on", "Periodic.after", "Problem.closed_from"),
-    *("Problem.with_times", "Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
+    *("Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
     *(
         "System.check_free",
         "System.check_order",

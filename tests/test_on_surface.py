@@ -229,7 +229,6 @@ def on_axis(q, t):
             "comparison .* number 1",
         ),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: q[2])), "2 coordinates, q\\[2\\]"),
-        (lambda: to(ao.Periodic(1.0)), "closed path to begin"),
     ],
 )
 def test_what_has_no_meaning_is_refused(make, say):

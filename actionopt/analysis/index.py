@@ -33,7 +33,7 @@ from actionopt.analysis.second_variation import (
 from actionopt.discrete.bordered import Bordered, equations_of
 from actionopt.discrete.borders import Rows, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import Factors, full
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.tools.blas import one_thread
@@ -104,7 +104,7 @@ def inertia(
     (1963), section 15.
     """
     if isinstance(at.problem, Held):
-        return _inertia_in_contact(at, tolerance_of(error))
+        return _on_its_mesh(at, at.tr, at.z, tolerance_of(error))
     if tolerance is not None:
         return inertia_of(resolve(at, error, INDEX_RESOLUTION), tolerance, moves)
     if not moves:
@@ -159,14 +159,16 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     d2S/dT2 = -dE/dT. What moves a closed path along itself, or as a whole by a symmetry of L, makes
     no other path of it, but where the start gives coordinates.
     """
-    asked = at.problem.asked or at.problem
-    moves = moves_of(asked)
+    asked, touches = at.problem.asked or at.problem, isinstance(at.problem, Held)
+    moves = () if touches else moves_of(asked)
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)
     times = times_of(at.problem) if asked.is_joined else None
     bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves, times=times)
-    if isinstance(at.problem, Held):
-        return _inertia_in_contact(bordered.discrete(y), tolerance_of(error), (bordered, y))
+    if touches:
+        found = _on_its_mesh(bordered.discrete(y), bordered, y, tolerance_of(error))
+        shifts = bordered.phases - len(bordered.start_coordinates)
+        return replace(found, nullity=found.nullity + shifts, moves=shifts)
     known = bordered.phases
     there = bordered.discrete(y) if asked.closes else at
     found, form = _count(there, error, known, (bordered, y))
@@ -206,7 +208,11 @@ def inertia_on_surfaces(at: DiscretePath, error: float) -> Inertia:
 def _on_its_mesh(
     at: DiscretePath, equations: Bordered | Transcription, z: Array, tolerance: float
 ) -> Inertia:
-    """Return the inertia of the derivative of the equations of a path on its mesh."""
+    """Return the inertia of the derivative of the equations of a path on its mesh.
+
+    Of a path in contact that of variations which keep what is in contact there: to second order S
+    does not depend on the times of contact.
+    """
     problem, tr = at.problem, at.tr
     if problem.system.structure.forced:
         form(at)  # raises
@@ -217,12 +223,14 @@ def _on_its_mesh(
             "condition), found one that is not along the path: infinitely many variations lower "
             "the action, and no index counts them"
         )
-    layout, matrix, kinetic = equations.layout, equations.kkt(z), equations.kinetic(z)
-    borders = equations.borders if isinstance(equations, Bordered) else ()
-    multipliers = sum(border.multipliers for border in borders)
+    layout, kinetic, multipliers = equations.layout, equations.kinetic(z), equations.layout.rows
+    if isinstance(equations, Bordered):
+        matrix, multipliers = equations.hessian(z), multipliers + equations.multipliers
+    else:
+        matrix = equations.kkt(z)
 
     def below(mu: float) -> int:
-        return Factors(layout, matrix - mu * kinetic).negative() - layout.rows - multipliers
+        return Factors(layout, matrix - mu * kinetic).negative() - multipliers
 
     index = below(-tolerance)
     return Inertia(index, below(tolerance) - index, None, tolerance)
@@ -305,36 +313,6 @@ def _duration(form: Form, bordered: Bordered) -> tuple[BorderTerm, float] | None
 def tolerance_of(error: float) -> float:
     """Return |mu| below which eigenvalues have no sign along a path known to `error`, if it is."""
     return max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE)
-
-
-def _inertia_in_contact(
-    at: DiscretePath, tolerance: float, asked: tuple[Bordered, Array] | None = None
-) -> Inertia:
-    """Return the inertia of a path in contact: of variations that keep what is in contact there.
-
-    From the inertia of the matrix of its mesh, [d2S - mu K, G'; G, 0], which has one negative
-    eigenvalue for each row besides (J. Nocedal and S. J. Wright, *Numerical Optimization* (2nd ed.
-    2006), theorem 16.3), and with the borders of what was `asked` beside the path one for each
-    multiplier of theirs. To second order S does not depend on the times of contact.
-    """
-    tr = at.tr
-    matrix, kinetic, multipliers = tr.kkt(at.z), tr.kinetic(at.z), tr.layout.rows
-    if asked is not None:
-        bordered, y = asked
-        multipliers += sum(border.multipliers for border in bordered.borders)
-        whole, inner = full(bordered.layout, bordered.kkt(y)), full(tr.layout, kinetic)
-        moving = np.zeros_like(whole)
-        moving[: len(inner), : len(inner)] = inner
-
-        def below(mu: float) -> int:
-            return int(np.sum(np.linalg.eigvalsh(whole - mu * moving) < 0)) - multipliers
-    else:
-
-        def below(mu: float) -> int:
-            return Factors(tr.layout, matrix - mu * kinetic).negative() - multipliers
-
-    index = below(-tolerance)
-    return Inertia(index, below(tolerance) - index, None, tolerance)
 
 
 def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE, moves: int = 0) -> Inertia:

@@ -113,14 +113,13 @@ def sensitivity(
             "and take differences, or see `momenta` for dS by the coordinates there"
         )
     problem = at.problem
-    if problem.through or problem.integral is not None or problem.system.order > 1:
+    if problem.is_course:
         second = second_through(at)
     else:
         second = _second_alone(at, error)
     found = slopes(at, momenta, jumps)
-    ends = zip((found["q0"], found["q1"]), problem.surfaces, (0, -1), strict=True)
-    for row, on, k in ends:
-        places = (on or problem.joints_found[k]).places(problem.system.order)
+    for row, k in ((found["q0"], 0), (found["q1"], -1)):
+        places = problem.joints[k].places(problem.system.order)
         row[[i for i, x in enumerate(places) if x is None]] = 0.0
     parameters = _unpack(problem.system, found["parameters"])
     for name in (MULTIPLIERS, SWITCHES):
@@ -279,6 +278,7 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
     try:
         factors = Factors(*matrix)
         forces = np.array([factors.solve(row)[layout.size :] for row in right])
+        forces = forces.reshape(count, count)
     except np.linalg.LinAlgError:  # conjugate
         infinite = np.full((n, n), np.inf)
         return infinite, infinite, infinite

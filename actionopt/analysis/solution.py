@@ -442,8 +442,7 @@ class Solution:
         Of a path whose duration was to be found it is that of S + E T, the duration varying;
         `between_times` has the other.
         """
-        higher = self.problem.system.order > 1 and not self.problem.closes
-        if self.problem.through or self.problem.integral is not None or higher:
+        if self.problem.is_course and not self.problem.closes:
             return inertia_through(self.discrete, self.error)
         if self.problem.asked is not None or self.problem.closes:
             return inertia_asked(self.discrete, self.error)

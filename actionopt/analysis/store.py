@@ -253,10 +253,8 @@ def _question(known: Detached, system: System | Sequence[System]) -> Problem:
     )
     if asked is None:
         return question
-    q = [e.q for e in found]
-    if known.through or known.integral is not None:
-        return question.found_at([e.t for e in found], q, known.parameters.get(MULTIPLIERS))
-    return question.with_times(known.start.t, known.end.t, np.array(q))
+    kappa = known.parameters.get(MULTIPLIERS)
+    return question.found_at([e.t for e in found], [e.q for e in found], kappa)
 
 
 def _event_asked(known: Detached, event: Event, free: bool, on: list[Any] | None) -> Event:

@@ -295,7 +295,7 @@ class Condensed:
         if blocks.closed.size:
             self._fold()
         self.carried: list[Array] = []
-        if border is not None:
+        if border is not None and border[2].size:  # of a path at rest no phase is to be found
             self._carry(*border)
         if definite:
             np.linalg.cholesky(self.last)

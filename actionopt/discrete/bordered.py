@@ -157,6 +157,11 @@ class Bordered:
         other.reach = self.reach
         return other
 
+    @property
+    def multipliers(self) -> int:
+        """How many of the unknowns are multipliers beside those of the path's rows."""
+        return sum(border.multipliers for border in self.borders)
+
     def without_phase(self) -> tuple[Border, ...]:
         """Return the borders that are none of a phase."""
         return tuple(b for b in self.borders if not isinstance(b, PhaseCondition))
@@ -223,10 +228,8 @@ class Bordered:
             and (kappa is None or (kappa == last.problem.kappa).all())
         ):
             return last
-        if self.asked.is_joined:
+        if self.asked.is_joined or self.asked.free_time:
             problem = self.free.found_at(times, kappa=kappa)
-        elif self.asked.free_time:
-            problem = self.free.with_times(*times.tolist())
         if self._like is not None and not (self.asked.is_joined or self._depends_on_clock):
             return self._like.over_times(problem)
         before, ends = first.problem.boundaries, (float(times[0]), float(times[-1]))
@@ -281,6 +284,11 @@ class Bordered:
     def kkt(self, y: Array) -> Array:
         """Return the nonzeros of the derivative of `residual`, as the layout says."""
         return self.layout.join(*self._derivatives(y))
+
+    def hessian(self, y: Array) -> Array:
+        """Return the same, symmetric, where forces along a phase's conditions meet these."""
+        K, _, C, D = self._derivatives(y)
+        return self.layout.join(K, C.T, C, D)
 
     def kinetic(self, y: Array) -> Array:
         """Return the kinetic part of the path's matrix, stored as `kkt` is; of times that of rates.

@@ -128,7 +128,7 @@ def over(problem: Problem, duration: float) -> Problem:
     """Return the problem at a duration, where its own is free; the times that are given stay."""
     if not problem.free_time:
         return problem
-    return problem.with_times(*times(problem, duration))
+    return problem.found_at(times(problem, duration))
 
 
 def times(problem: Problem, duration: float) -> tuple[float, float]:
@@ -472,7 +472,7 @@ class Move(NamedTuple):
 
 def moves_of(problem: Problem) -> tuple[Move, ...]:
     """Return the motions of configuration space that a closed path may be subjected to."""
-    if not problem.closes or problem.system.n == 1:
+    if not problem.closes or problem.system.n == 1 or problem.system.r:
         return ()
     system, advance = problem.system, problem.advance
     known = system.memoize("moves", dict)
@@ -516,11 +516,15 @@ class PhaseCondition:
     C: Array
     c: Array
     given: tuple[int, ...] = field(default=())
-    multipliers = 0
 
     @property
     def size(self) -> int:
         """The number k of directions."""
+        return self.c.size
+
+    @property
+    def multipliers(self) -> int:
+        """All of the forces."""
         return self.c.size
 
     def begin(self, at: DiscretePath) -> Array:

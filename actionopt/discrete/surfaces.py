@@ -34,7 +34,10 @@ def reactions(at: DiscretePath, k: int) -> tuple[Array, Array]:
         q = at.Q[at.tr.joints[k]]
         G = system.constraint_jacobian(q, t, parameters=problem.parameters)
         rows = np.concatenate([rows, G])
-    pull = at.tr.pulls(at.z)[k][free] * at.tr.lengths[free]
+    pulls = at.tr.pulls(at.z)
+    if problem.advance is not None:  # where a path closes, its start is its end
+        pulls[0, list(problem.order)] += pulls[-1]
+    pull = pulls[k][free] * at.tr.lengths[free]
     normals = (rows[:, free] * at.tr.lengths[free]).T
     if not (np.isfinite(normals).all() and np.isfinite(pull).all()):
         return np.zeros(len(rows) - system.m), np.zeros(system.m)

@@ -335,7 +335,7 @@ class _TraceRun:
         if not self.counting:
             return -1
         try:
-            if _is_course(point.at.problem):
+            if point.at.problem.is_course:
                 return inertia_through(point.at, 0.0).index
             if not isinstance(point.tr, Bordered):
                 index = regular_index(point.at, self.tol, NEAR_ZERO)
@@ -447,7 +447,7 @@ class _TraceRun:
 
     def _sign(self, j: int, point: BranchPoint) -> float:
         """Return what changes its sign where the index passes from j to j + 1."""
-        if isinstance(point.tr, Bordered) or _is_course(point.at.problem):
+        if isinstance(point.tr, Bordered) or point.at.problem.is_course:
             return self._index(point) - j - 0.5
         return sign_of(point.at, self.tol, TRACE_RESOLUTION, j)
 
@@ -482,11 +482,6 @@ class _TraceRun:
                 "meshes": self.meshes,
             },
         )
-
-
-def _is_course(problem: Problem) -> bool:
-    """Whether the index is that of all of a path: of legs, given integrals, accelerations in L."""
-    return bool(problem.through) or problem.integral is not None or problem.system.order > 1
 
 
 def _without(error: ValueError) -> str:

@@ -258,7 +258,7 @@ class Periodic(Event):
     momenta: where bodies are alike, each may go on where another one began.
 
     A path without a clock may start anywhere along itself: a coordinate that the start gives says
-    where. (With a clock that coordinate returns, and its momentum is left alone.)
+    where. (With a clock or an obstacle that coordinate returns, and its momentum is left alone.)
 
     Parameters
     ----------

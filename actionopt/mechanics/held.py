@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.rest import Rest
 from actionopt.tools.types import Array, NDInt
 
 ALIKE = 6  # powers of two between coordinates that may be measured in one unit; ad hoc
@@ -57,22 +59,34 @@ class Held(Problem):
         for name, value in (known | {"asked": asked}).items():
             object.__setattr__(self, name, value)
 
-    def with_times(self, t0: float, t1: float, q: Array | None = None) -> Held:
+    def found_at(
+        self, times: Sequence[float] | Array, q: Any = None, kappa: Array | None = None
+    ) -> Held:
         """Return the same over the times t0 and t1, and the arcs at the same parts of them."""
-        (a, b), arcs = self.span, self.arcs
+        (a, b), (t0, t1), arcs = self.span, times, self.arcs
 
         def later(t: float) -> float:
             return t0 if t == a else t1 if t == b else t0 + (t - a) * ((t1 - t0) / (b - a))
 
         if arcs is not None and (a, b) != (t0, t1):
             arcs = tuple(Arc(x.row, later(x.begin), later(x.end)) for x in arcs)
-        return Held(self.free.with_times(t0, t1, q), arcs, sought=self.sought)
+        return Held(self.free.found_at(times, q, kappa), arcs, sought=self.sought)
 
     def holding(self, arcs: tuple[Arc, ...]) -> Held:
         """Return the same with other parts in force."""
         other = Held(self.free, arcs, sought=self.sought)
         object.__setattr__(other, "instants", self.instants)  # they are found but once
         return other
+
+    @property
+    def closes(self) -> bool:
+        """Whether paths close that may start anywhere, as those of the question do."""
+        return self.free.closes
+
+    @cached_property
+    def rests(self) -> tuple[Rest | None, Rest | None]:
+        """The equilibria beyond either end: those of the question."""
+        return self.free.rests
 
     @cached_property
     def fixed_times(self) -> Array:

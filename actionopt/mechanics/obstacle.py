@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.events import Event
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
@@ -55,33 +58,43 @@ def check_rows(system: System) -> None:
 
 
 def check_outside(
-    system: System,
-    packed: Array,
-    ends: Sequence[tuple[str, float, Sequence[float | None]]],
-    scales: Array,
-    duration: float,
+    system: System, packed: Array, events: Sequence[Event], asked: Sequence[Event], scales: Array
 ) -> None:
-    """Raise ValueError if an event, (role, t, q), lies inside the obstacle.
+    """Raise ValueError if an event lies inside the obstacle, or on it at an infinite time.
 
-    Rows that contain a coordinate which the event leaves free are decided along the path. The
-    coordinates have the sizes `scales` (n,).
+    Rows that contain a coordinate which the event leaves free, or the time where that was `asked`
+    for, are decided along the path. The coordinates have the sizes `scales` (n,).
     """
     held, m = system.with_contact, system.m
-    q = np.array([[0.0 if x is None else x for x in event] for _, _, event in ends])
-    t = np.array([[time] for _, time, _ in ends])
+    q = np.array([[0.0 if x is None else x for x in event.q] for event in events])
+    t = np.array([[event.t or 0.0] for event in events])
+    duration = max((abs(b - a) for a, b in pairwise(t[:, 0]) if np.isfinite(b - a)), default=0.0)
     jacobian = held.pointwise("constraint_jacobian")
     rows, cols = jacobian.sparsity(0)
     G, f = jacobian(q, t, packed)
-    sizes = np.abs(held.pointwise("constraint_rate")(q, t, packed)[0]) * duration
+    rate = held.pointwise("constraint_rate")(q, t, packed)[0]
+    sizes = np.where(np.isfinite(t), np.abs(rate), 0.0) * duration
     for k, row in enumerate(np.abs(G)):
         np.add.at(sizes[k], rows, row * scales[cols])
-    inside = ~(f >= -EVENT_TOLERANCE * np.maximum(sizes, np.finfo(float).tiny))
-    for k, (role, time, event) in enumerate(ends):
-        free = np.array([x is None for x in event])
+    sizes = EVENT_TOLERANCE * np.maximum(sizes, np.finfo(float).tiny)
+    inside = ~(f >= np.where(np.isfinite(t), -sizes, sizes))
+    moving, _ = ca.jacobian_sparsity(held.f, held.symbols.t).get_triplet()
+    for k, (event, open_) in enumerate(zip(events, asked, strict=True)):
+        free = np.array([x is None for x in event.q])
         inside[k, rows[free[cols]]] = False
+        if open_.t is None:
+            inside[k, moving] = False
         for i in np.flatnonzero(inside[k, m:]):
+            role = "start" if k == 0 else "end" if k == len(events) - 1 else f"{k}. event"
+            found = f"found row {i} = {f[k, m + i]:.6g} at t = {event.t}, q = {event.q}"
+            if not np.isfinite(event.t or 0.0):
+                raise ValueError(
+                    f"expected the {role} outside of the obstacle, f(q, t) > 0, {found}: what "
+                    "rests in contact is held there by a force, and comes to it in a finite time; "
+                    "give the time"
+                )
             raise ValueError(
-                f"expected the {role} event outside of the obstacle, f(q, t) >= 0, found row {i} "
-                f"= {f[k, m + i]:.6g} at t = {time}, q = {tuple(event)}; move the event, or change "
-                "the sign of the obstacle if its inside and outside are exchanged"
+                f"expected the {role} event outside of the obstacle, f(q, t) >= 0, {found}; move "
+                "the event, or change the sign of the obstacle if its inside and outside are "
+                "exchanged"
             )

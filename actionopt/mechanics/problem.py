@@ -181,7 +181,8 @@ class Problem:
             _check_rows(self.system)
             _check_on_surface(self)
         if self.system.r:
-            self._check_obstacle()
+            check_rows(self.system)
+            check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
         if isinstance(self.end, Periodic) and self.end.relabel is not None:
             _check_alike(self)
         if self.through:
@@ -229,11 +230,9 @@ class Problem:
     def __reduce__(self) -> tuple:
         """Ask it anew: what follows from it is made where it is needed."""
         if self.asked is not None:
-            if self.asked.is_joined:
-                q = [e.q for e in self.joints_found]
-                return _found_at, (self.asked, [e.t for e in self.joints_found], q, self.kappa)
-            q = np.array([self.start.q, self.end.q]) if self.asked.on_surface else None
-            return _restore_found, (self.asked, self.start.t, self.end.t, q)
+            found = self.joints_found
+            q = [e.q for e in found] if all(e.on is None for e in found) else None
+            return _restore_found, (self.asked, [e.t for e in found], q, self.kappa)
         known = (
             self.start,
             self.end,
@@ -279,33 +278,6 @@ class Problem:
             + table("The two events", rows)
             + (table("Parameters", given) if given else "")
         )
-
-    def _check_obstacle(self) -> None:
-        """Raise ValueError if an event lies inside the obstacle, or there is no path along it."""
-        if self.is_infinite:
-            raise ValueError(
-                "expected finite times of a path along an obstacle, found "
-                f"{self.start.t} and {self.end.t}: no motion tends to rest there that is known "
-                "beyond a window; give finite times"
-            )
-        if self.closes:
-            raise ValueError(
-                "expected a clock, or an Event as the end, of a path along an obstacle, found a "
-                "Periodic end and a Lagrangian that does not depend on the time: such a path may "
-                "begin anywhere along itself; give the end a time and coordinates"
-            )
-        check_rows(self.system)
-        if self.free_time:
-            if self.system.with_contact.structure.depends_on_time:
-                raise ValueError(
-                    "expected both times of a path along an obstacle where the Lagrangian or the "
-                    "obstacle depends on time, found one that is free; give it"
-                )
-            t0 = 0.0 if self.start.t is None else self.start.t
-            self.with_times(t0, t0 + 1.0)  # any times will do
-            return
-        ends = [(role, e.t, e.q) for role, e in (("start", self.start), ("end", self.end))]
-        check_outside(self.system, self.packed, ends, self.scales, self.duration)
 
     def replace(
         self,
@@ -371,22 +343,6 @@ class Problem:
         start, end = asked.start, asked.end
         return start if start.on is not None else None, end if end.on is not None else None
 
-    def with_times(self, t0: float, t1: float, q: Array | None = None) -> Problem:
-        """Return the problem with the times t0 and t1 at its events, one that was `asked` as this.
-
-        Where these lie on surfaces, at the first or the last of the coordinates q (2, n), if given.
-
-        Raises ValueError as a `Problem` does.
-        """
-        ends = [self.start.at(t0), self.end.at(t1)]
-        if q is not None:
-            pairs = zip(ends, q, strict=True)
-            ends = [e if e.on is None else e._replace(q=row, on=None) for e, row in pairs]
-        problem = Problem(self.system, *ends, parameters=self.parameters)
-        object.__setattr__(problem, "asked", self)
-        object.__setattr__(problem, "energy", self.energy)
-        return problem
-
     def found_at(
         self, times: Sequence[float] | Array, q: Any = None, kappa: Array | None = None
     ) -> Problem:
@@ -401,20 +357,13 @@ class Problem:
         if q is not None:
             pairs = zip(events, q, strict=True)
             events = [e if e.on is None else e._replace(q=row, on=None) for e, row in pairs]
-        start, *through, end = events
-        problem = Problem(
-            self.question,  # type: ignore[arg-type]
-            start,
-            end,
-            parameters=self._given_parameters
-            if kappa is None
-            else {**self._given_parameters, MULTIPLIERS: kappa},
-            through=through,
-            integral=self.integral,
+        given = self._given_parameters
+        return _restore_asked(
+            self.question,
+            *(events[0], events[-1]),
+            given if kappa is None else {**given, MULTIPLIERS: kappa},
+            *(self.energy, tuple(events[1:-1]), self.integral, self),
         )
-        object.__setattr__(problem, "asked", self)
-        object.__setattr__(problem, "energy", self.energy)
-        return problem
 
     @property
     def is_joined(self) -> bool:
@@ -423,9 +372,19 @@ class Problem:
             return True
         outer = self.free_time or self.on_surface
         if not self.through:
-            return outer and self.system.order > 1
+            return outer and (self.system.order > 1 or self._returns_to_surface)
         inner = any(e.t is None or e.on is not None for e in self.through)
         return inner or outer
+
+    @property
+    def _returns_to_surface(self) -> bool:
+        return isinstance(self.end, Periodic) and self.start.on is not None
+
+    @property
+    def is_course(self) -> bool:
+        """Whether all of a path is looked at together: legs, multipliers, accelerations in L."""
+        more = self.integral is not None or self.system.order > 1
+        return bool(self.through) or more or (self.asked or self).is_joined
 
     @property
     def has_free_boundary(self) -> bool:
@@ -437,9 +396,12 @@ class Problem:
     def closes(self) -> bool:
         """Whether paths close that may start anywhere along themselves, as L has no clock.
 
-        Events between the ends, or a coordinate at the start, tell where they begin.
+        Events between the ends, a surface or a coordinate at the start tell where they begin; along
+        an obstacle that coordinate is held.
         """
-        if not isinstance(self.end, Periodic) or self.through:
+        if not isinstance(self.end, Periodic) or self.through or self.joints[0].on is not None:
+            return False
+        if self.system.r and self.start.pinned:
             return False
         structure = self.system.structure
         return not (structure.depends_on_time or structure.forced)
@@ -447,7 +409,7 @@ class Problem:
     @cached_property
     def loose(self) -> Problem:
         """The problem with nothing given at the start, if its paths close anywhere."""
-        if not self.closes:
+        if not (self.closes and self.start.pinned):
             return self
         start = Event(self.start.t, [None] * self.system.n)
         end, values = self.end.at(self.end.t), self.parameters
@@ -641,19 +603,31 @@ class Problem:
 
 
 def _restore_asked(
-    system: System,
+    system: System | tuple[System, ...],
     start: Event,
     end: Event,
     parameters: dict[str, Array],
     energy: float | None,
     through: tuple[Event, ...] = (),
-    integral: tuple[float, ...] | None = None,
+    integral: Any = None,
+    asked: Problem | None = None,
 ) -> Problem:
-    known = {"energy": energy, "through": through, "integral": integral}
-    return Problem(system, start, end, parameters=parameters, **known)
+    """Return the problem of these, one whose times and places were `asked` for, if that is given.
+
+    Its energy goes with times that are given then.
+    """
+    problem, known = object.__new__(Problem), {"laws": (), "plain": None, "asked": asked}
+    known |= {"system": system, "start": start, "end": end, "parameters": parameters}
+    known |= {"through": through, "integral": integral, "energy": None if asked else energy}
+    for name, value in known.items():
+        object.__setattr__(problem, name, value)
+    problem.__post_init__()
+    if asked is not None:
+        object.__setattr__(problem, "energy", energy)
+    return problem
 
 
-def _found_at(asked: Problem, times: list[float], q: list[Any], kappa: Array) -> Problem:
+def _restore_found(asked: Problem, times: list[float], q: list[Any], kappa: Array) -> Problem:
     return asked.found_at(times, q, kappa if kappa.size else None)
 
 
@@ -661,10 +635,6 @@ def _time(event: Any) -> float:
     """Return the time of an event; NaN where it is to be found."""
     t = getattr(event, "t", None)
     return np.nan if t is None else t
-
-
-def _restore_found(asked: Problem, t0: float, t1: float, q: Array | None) -> Problem:
-    return asked.with_times(t0, t1, q)
 
 
 def _check_free_time(problem: Problem) -> None:
@@ -753,11 +723,6 @@ def _check_alike(problem: Problem) -> None:
 def _check_surfaces(problem: Problem) -> None:
     """Raise ValueError where what an event lies on does not fit the rest of the question."""
     ends = problem.start, problem.end
-    if isinstance(problem.end, Periodic):
-        raise ValueError(
-            "expected a closed path to begin anywhere, or at a coordinate that is given, found a "
-            "start on a surface; give a coordinate (Event(t, [None, 0.0])), or an end of its own"
-        )
     both = problem.free_time and problem.start.t is None and problem.end.t is None
     for role, event in (("start", ends[0]), ("end", ends[1])):
         on, free = event.on, [i for i, x in enumerate(event.q) if x is None]

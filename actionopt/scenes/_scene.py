@@ -282,7 +282,7 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
             at, found.exact(at).T, None if kappa is None else np.array(kappa)
         )
     elif wanted is not end:
-        problem = problem.with_times(*times, np.array([start.q, end.q]))
+        problem = problem.found_at(times, [start.q, end.q])
 
     law = problem.plain or problem.system
     given = {name: problem.parameters[name] for name in law.parameters}

@@ -16,6 +16,7 @@ from actionopt.tools.types import EPS, Array
 LOOKED_AT = 600  # times at which a motion is looked at for where it passes or rests
 CLOSED_IN = 30  # steps, each half of the last one at a turning point: to the root of EPS
 LAST_PHASE_STEP = EPS**0.5  # of a period, a last step: elsewhere what is left is its square
+SURFACE_PASSAGES = 4  # of a surface that are tried
 SLIVER = 0.1  # of an element
 KEPT_ELEMENTS = 3  # elements that stay as they are
 
@@ -76,6 +77,22 @@ def states_beyond(path: Path, problem: Problem, since: Array) -> tuple[Array, Ar
     pairs = zip(earlier, (q, v), later, strict=True)
     q, v = (np.where(turns < 0, a, np.where(turns > 0, c, b)) for a, b, c in pairs)
     return q, v
+
+
+def begin_on_surface(path: Path, problem: Problem) -> list[Path]:
+    """Return a path, if it closes without a clock one for each time at which it meets its surface.
+
+    That is where the start is to be; those that come nearest first.
+    """
+    on = problem.start.on
+    if problem.advance is None or on is None or problem.system.structure.depends_on_time:
+        return [path]
+    since = np.linspace(0.0, path.mesh.duration, LOOKED_AT + 1)[:-1]
+    t = path.mesh.boundaries[0] + since
+    off = np.linalg.norm(on.values(path(t).T, t, problem.packed), axis=1)
+    nearest = np.flatnonzero((off <= np.roll(off, 1)) & (off <= np.roll(off, -1)))
+    nearest = nearest[np.argsort(off[nearest], kind="stable")][:SURFACE_PASSAGES]
+    return [begin_later(path, float(shift), problem) for shift in since[nearest]]
 
 
 def begin_later(path: Path, shift: float, problem: Problem) -> Path:

@@ -299,6 +299,13 @@ class UnfixedPath(Iterate):
         return self.bordered.reach
 
     @property
+    def index(self) -> int:
+        """The number of variations on the mesh that lower W, those of times and phases besides."""
+        bordered = self.bordered
+        factors = Factors(bordered.layout, bordered.hessian(self.z))
+        return factors.negative() - bordered.layout.rows - bordered.multipliers
+
+    @property
     def push_force(self) -> float:
         """The forces that hold a closed path, in its units and sizes: none hold a motion."""
         forces = self.z[self.bordered.forces]

@@ -121,8 +121,8 @@ class Along(Workspace[Iterate]):
         if not isinstance(here, UnfixedPath):
             return super().answer()
         if question.on_surface:
-            question = (question.asked or question).with_times(
-                *self.contact_problem.span, here.Q[[0, -1]]
+            question = (question.asked or question).found_at(
+                self.contact_problem.span, here.Q[[0, -1]]
             )
         held = Held(question, self.contact_problem.arcs)
         return question, DiscretePath.of(held, here.path, here.rows)

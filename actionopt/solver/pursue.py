@@ -41,6 +41,8 @@ from actionopt.solver.unfixed import solve_free_boundary
 from actionopt.solver.verdict import message_of
 from actionopt.tools.watch import OutOfTime
 
+SHRUNK = "the closed path shrank to a point: give a guess that goes round an obstacle"
+
 
 def first_acceptable(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the first acceptable answer; else the one of the least index, or the first attempt."""
@@ -88,12 +90,17 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
             guess = curve(problem, guess)(Mesh.uniform(*b, 4 * LINEAR, COARSE_DEGREE))
         problem = problem.asked
     check_arguments(problem, choices.tol, None, choices.principle, choices.mesh)
-    if problem.system.r:
+    given = not (problem.on_surface or problem.free_time)  # a closed path of a given period
+    if problem.system.r and not given:
         yield free_contact(problem, guess, choices)
         return
-    if not (problem.on_surface or problem.free_time) and (guess is None or choices.mesh):
+    if given and (problem.system.r or guess is None or choices.mesh):
         found = between(problem, guess, choices)
-        if choices.mesh is None and is_moving(found[0]):  # it may be kinked at the start
+        moves = is_moving(found[0])
+        if problem.system.r and not moves:
+            path = replace(found[0], status=Status.NOT_FOUND, error=np.inf)
+            found = path, message_of(path, choices.tol, SHRUNK)
+        elif choices.mesh is None and moves and not problem.system.r:  # a kink at the start?
             found = solve_free_boundary(problem, found[0], choices)
         yield found
         return

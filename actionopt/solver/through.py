@@ -32,6 +32,7 @@ from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem, diagonal, first_state
 from actionopt.mechanics.system import SWITCHES
 from actionopt.solver.arguments import Guess
+from actionopt.solver.closed import begin_on_surface
 from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.passing_times import lower
 from actionopt.solver.rays import RAY_ROUNDS, Ray, rays
@@ -260,9 +261,10 @@ def starts(
     """
     if guess is not None:
         path, times = read_guess(problem, guess)
-        yield path, times
-        if problem.integral is None:
-            yield relax_legs(problem, path, times), times
+        for begun in begin_on_surface(path, problem):
+            yield begun, times
+            if problem.integral is None:
+                yield relax_legs(problem, begun, times), times
         return
     random = np.random.default_rng(seed)
     base = _points(problem)
@@ -497,7 +499,8 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
     elif not np.isfinite(given[[0, -1]]).all() or not (np.diff(times) > 0).all():
         times = _fill(given, np.diff(on_curve))
     mesh = polygon(np.zeros((len(times), n)), times).mesh
-    if problem.integral is not None:
+    whole = problem.advance is not None and not problem.through  # a closed path is one leg
+    if whole or problem.integral is not None:
         mesh = wave_mesh(times, problem.system.order, GUESS_ELEMENTS)
     s = np.interp(mesh.nodes, times, on_curve)
     return Path(mesh, np.asarray(curve(s), dtype=float).reshape(n, -1)), times

@@ -214,7 +214,7 @@ class Unfixed(Workspace[UnfixedPath]):
                 return problem, DiscretePath(tr, tr.pack_places(here.tr.place(here.x).places))
             return problem, DiscretePath(tr, tr.pack(here.Q, here.rows))
         if here.error < 1:  # else it is as large as the path, which ran away from any surface
-            problem = self.problem.with_times(problem.start.t, problem.end.t, here.Q[[0, -1]])
+            problem = self.problem.found_at(times_of(problem), here.Q[[0, -1]])
         return problem, DiscretePath.of(problem, here.path, here.rows)
 
     # -- from a first path to one ---------------------------------------------------------------
