@@ -84,12 +84,35 @@ def test_a_hidden_step_and_a_hidden_kick_of_a_beam():
     ends = ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])
     solution = ao.solve(ao.Problem(step, *ends), tol=1e-9)
     assert solution.start.v == pytest.approx([1 - 0.7**2 / 2], abs=1e-9)
-    assert [after for _, after in solution.problem.boundaries] == pytest.approx([0.3])
+    low, middle, high = (after for _, after in solution.problem.boundaries)  # it and its feet
+    assert middle == pytest.approx(0.3)
+    assert 0.3 - low == pytest.approx(high - 0.3) == pytest.approx(8e-6, rel=0.1)
     force, _ = HIDDEN["gaussian"]
     beam = ao.System(lambda q, v, a, t: a[0] ** 2 / 2 + 3 * force(t) * q[0], ["x"])
     solution = ao.solve(ao.Problem(beam, *ends), tol=1e-3)
     slope = 1 - 3 * 0.3 / 6 + 3 * 0.3**3 / 6  # the shear jumps by 3 at 0.7, no moment at the ends
     assert solution.start.v == pytest.approx([slope], abs=1e-3)
+
+
+@pytest.mark.parametrize(("c", "kick"), [(0.7690455418668206, 3.0), (0.7755937979243391, 0.3)])
+def test_a_kick_of_a_beam_is_summed_to_the_tolerance(c, kick):
+    """By the closed form of a point load: its elements are as stiff as 1e15 of the beam.
+
+    Away from the kick all that its width adds is the second moment, pi^2 w^2 / 12.
+    """
+    w = 1e-5
+    beam = ao.System(
+        lambda q, v, a, t: a[0] ** 2 / 2 + kick / (2 * w * np.cosh((t - c) / w) ** 2) * q[0], ["x"]
+    )
+    solution = ao.solve(ao.Problem(beam, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), tol=1e-9)
+
+    def bent(u):
+        return np.where(u > 0, u**3 + (np.pi * w) ** 2 / 4 * u, 0.0) * kick / 6
+
+    t = np.linspace(0, 1, 401)
+    third = kick * (1 - c) / 6
+    exact = (1 - third + bent(1 - c)) * t + third * t**3 - bent(t - c)
+    assert np.max(np.abs(solution(t)[0] - exact)) / np.max(np.abs(exact)) < 1e-9
 
 
 def test_what_is_wide_needs_no_boundary():

@@ -382,9 +382,8 @@ class Action:
         n = self.problem.system.n
         found = np.empty((self.layout.evaluations, (self.order + 1) * n))
         for k, (g, shape) in enumerate(zip(self.layout.groups, self.layout.shapes, strict=True)):
-            local = self.local(k, places)
-            for i, basis in enumerate(shape.basis):
-                part = by_each(basis, local) / self.halves[k] ** i
+            for i, rates in enumerate(shape.derivatives(self.local(k, places))):
+                part = rates / self.halves[k] ** i
                 found[g.span, i * n : (i + 1) * n] = part.reshape(-1, n)
         return found[:, :-n], found[:, -n:]
 

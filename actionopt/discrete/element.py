@@ -12,6 +12,7 @@ In the time xi in [-1, 1] of an element of length h derivatives are (h / 2)^k q^
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from actionopt.discrete.mesh import Mesh
+from actionopt.tools.blas import by_each
 from actionopt.tools.lobatto import Rule, lgl
 from actionopt.tools.types import Array, NDInt
 
@@ -61,6 +63,36 @@ class Element:
         ]
 
     @cached_property
+    def taylor(self) -> tuple[list[Array], Array]:
+        """What derivatives at the start make of those at the nodes, and at the end, (r, r).
+
+        By (xi + 1)^k / k!, k < r: for each derivative a matrix (d + 1, r), and their last rows.
+        """
+        powers = np.arange(self.order)
+        factorial = np.array([math.factorial(k) for k in powers])
+        monomials = (self.rule.nodes[:, None] + 1) ** powers / factorial
+        rows = [np.roll(monomials, k, axis=1) * (powers >= k) for k in powers]
+        return rows, np.stack([row[-1] for row in rows])
+
+    def derivatives(self, local: Array) -> list[Array]:
+        """Return the derivatives by xi at the nodes, up to that of order r, (E, d + 1, n) each.
+
+        Of the unknowns (E, d + 1, n) in the time xi. What the start alone makes of the polynomial,
+        which has no derivative of order r, is taken out first: on short elements its round-off
+        would hold the path as springs do, to whatever `basis` happens to be rounded to.
+        """
+        r, (rows, ends) = self.order, self.taylor
+        start, rest = local[:, :r], local.copy()
+        rest[:, :r] = 0.0
+        for k in range(r):  # the largest first: the difference of neighbours is exact
+            for j in range(k, r):
+                rest[:, k - r] -= ends[k, j] * start[:, j]
+        found = [by_each(basis, rest) for basis in self.basis]
+        for part, row in zip(found, rows, strict=False):
+            part += by_each(row, start)
+        return found
+
+    @cached_property
     def fit(self) -> tuple[Array, Array]:
         """What values between the ends (d - 1) make of the coefficients; and values of the ends.
 
@@ -96,6 +128,10 @@ def element(degree: int, order: int) -> Element:
         np.stack([legendre.legval(rule.nodes, legendre.legder(c, i)) for c in rows], axis=1)
         for i in range(order + 1)
     )
+    for i in range(order):  # what they are at the ends is known without round-off
+        for side, first in ((0, 0), (-1, degree + 1 - order)):
+            basis[i][side] = 0.0
+            basis[i][side, first + i] = 1.0
     return Element(rule, order, node, derivative, basis)
 
 

@@ -422,7 +422,7 @@ def _explicit(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     """Return dL/dt at fixed q and v, (K,), or a zero where L contains no time."""
     if not problem.system.structure.depends_on_time:
         return np.zeros(1)
-    return problem.system.pointwise("rate")(q, v, t, problem.packed)[0][:, 0].copy()
+    return _flat(problem.system.pointwise("rate")(q, v, t, problem.packed)[0][:, 0].copy())
 
 
 def rates_of(q: Array, v: Array) -> Array:
@@ -433,8 +433,12 @@ def rates_of(q: Array, v: Array) -> Array:
 
 def _rate(Lq: Array, v: Array, explicit: Array) -> Array:
     """Return L_q . v + dL/dt (K,), for L_q and v (n, K)."""
-    rate = (Lq * v).sum(axis=0) + explicit
-    if not np.isfinite(rate.sum()):  # where L is finite and overflows on the way it is flat
+    return _flat((Lq * v).sum(axis=0) + explicit)
+
+
+def _flat(rate: Array) -> Array:
+    """Return a rate with zeros where L is finite and it overflows on the way: there L is flat."""
+    if not np.isfinite(rate.sum()):
         rate[~np.isfinite(rate)] = 0.0
     return rate
 

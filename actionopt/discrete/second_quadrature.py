@@ -320,8 +320,8 @@ def _points(tr: Action, x: Array, batches: list[Batch]) -> list[tuple[Array, Arr
         if tr.order > 1:
             group, places = _group(tr, b), tr.place(x).places
             which = np.searchsorted(tr.layout.groups[group].elements, b.elements)
-            local, bases = tr.local(group, places)[which], tr.layout.shapes[group].basis
-            parts = [b.rule.values @ basis @ local / b.half**i for i, basis in enumerate(bases)]
+            rates = tr.layout.shapes[group].derivatives(tr.local(group, places)[which])
+            parts = [b.rule.values @ rate / b.half**i for i, rate in enumerate(rates)]
             state = np.concatenate(parts, axis=2).reshape(-1, len(parts) * n)
             found.append((state[:, :-n], state[:, -n:]))
             continue

@@ -9,8 +9,9 @@ the middle of what is narrow, and whose slope points there from both sides:
     1 / u, u^a, log u  g = log |u|
 
 The pulse is as wide as the distance s at which s |g'(c + s)| is one, also where g'' is zero, as of
-exp(-((t - c) / w)^4). Elements that end at c see it, and refinement finds the rest. Of two within
-one interval of the samples none is found, nor what depends on q as well.
+exp(-((t - c) / w)^4). Elements that end at c and at either foot see it, and refinement finds the
+rest; with c alone two sums over the same long element may miss it alike. Of two pulses within one
+interval of the samples none is found, nor what depends on q as well.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ PULSES = EXPONENTIALS | SIGMOIDS | TAILS
 # samples are promised to see. Elements that end where they need not do no harm.
 HIDDEN = 5.0 / SAMPLES
 GROWN = 0.03  # 2 (h / s)^2 of a pulse one and a half times as wide, h being the distance of samples
+FOOT = 8.0  # of the distance s: a Gaussian is 1e-14 there, the force of a hyperbolic step 5e-5
 BISECTIONS = 60  # between two samples there are no more floats to halve
 
 
@@ -74,9 +76,9 @@ def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
 
 
 def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[float]:
-    """Return the middles of all pulses from `start` to `end` that samples may miss, in order.
+    """Return middles and feet of all pulses from `start` to `end` that samples may miss, in order.
 
-    Of one at an end a time inside, about as far away as the pulse is wide.
+    Only what is inside; of one at an end its foot.
     """
     times, narrow = np.linspace(start, end, SAMPLES), HIDDEN * (end - start)
 
@@ -100,9 +102,14 @@ def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[f
             a, b = np.where(beyond, a, middle), np.where(beyond, middle, b)
         hidden = rises(which, b, np.full(b.size, narrow)) > 1
         found, which = b[hidden], which[hidden]
-        inside = np.where(found < (start + end) / 2, 1.0, -1.0)
-        off = np.minimum(found - start, end - found)
         apart = np.full(found.size, narrow)
-        for _ in range(BISECTIONS if (off < narrow).any() else 0):  # to its width
-            apart = np.where(rises(which, found, apart / 2) > 1, apart / 2, apart)
-    return np.unique(np.where(off < apart, found + inside * apart, found)).tolist()
+        for _ in range(BISECTIONS):  # to its width
+            narrower = rises(which, found, apart / 2) > 1
+            if not narrower.any():
+                break
+            apart = np.where(narrower, apart / 2, apart)
+    feet = np.concatenate([found - FOOT * apart, found + FOOT * apart])
+    feet = feet[(feet > start) & (feet < end)]
+    return np.unique(
+        np.append(feet, found[np.minimum(found - start, end - found) > apart])
+    ).tolist()
