@@ -19,6 +19,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import notebooks
+from conf import EXAMPLES
 from sphinx.cmd.build import build_main
 
 import actionopt as ao
@@ -41,7 +42,7 @@ def interface(folder: Path) -> None:
     """Write a page for each room: its public names, each with a page of its own."""
     pages = []
     for name, (room, about) in ROOMS.items():
-        kinds = {True: "Functions", False: "Classes and values"}
+        kinds = {True: "Functions", False: "Classes"}
         lines = [name, "=" * len(name), "", about, "", f".. currentmodule:: {name}", ""]
         public = [x for x in room.__all__ if callable(getattr(room, x))]
         for lower, title in kinds.items():
@@ -49,6 +50,11 @@ def interface(folder: Path) -> None:
             if names:
                 lines += ["", title, "-" * len(title), "", ".. autosummary::"]
                 lines += ["   :toctree: interface", "", *(f"   {x}" for x in names)]
+        values = [x for x in room.__all__ if not callable(getattr(room, x))]
+        lines += ["", "Values", "------"] if values else []
+        for x in values:
+            lines += ["", f".. data:: {x}", "", "   .. code-block:: python", ""]
+            lines += ["      " + line for line in EXAMPLES[f"{name}.{x}"]]
         (folder / f"{name}.rst").write_text("\n".join([*lines, ""]))
         pages.append(name)
     listed = "\n".join(f"   {name}" for name in pages)

@@ -22,6 +22,7 @@ templates_path = ["templates"]
 html_static_path = ["static"]
 default_role = "code"  # what docstrings have between single backticks
 autosummary_generate = True
+autodoc_preserve_defaults = True  # `NO_UNITS` is shorter than what it is
 autodoc_typehints = "none"  # numpydoc shows what the docstring says
 numpydoc_show_class_members = False
 nitpicky = False

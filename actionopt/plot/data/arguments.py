@@ -23,7 +23,7 @@ Figure = TypeVar("Figure", bound=Callable[..., Any])
 def check_arguments(figure: Figure) -> Figure:
     """Let a function raise ValueError for arguments of the names below that are not what they say.
 
-    What is optional may be None.
+    What is optional may be None. Its docstring says so.
     """
     taken = inspect.signature(figure)
 
@@ -38,6 +38,11 @@ def check_arguments(figure: Figure) -> Figure:
                 CHECKS[name](value)
         return figure(*given, **named)
 
+    names = ", ".join(f"`{name}`" for name in taken.parameters if name in CHECKS)
+    if names and "Raises\n" not in (figure.__doc__ or ""):
+        about, head, rest = inspect.cleandoc(figure.__doc__ or "").partition("\n\nParameters\n")
+        what = f"Raises ValueError if one of {names} is no such thing."
+        call.__doc__ = f"{about}\n\n{what}{head}{rest}"
     return call  # type: ignore[return-value]
 
 
