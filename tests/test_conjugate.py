@@ -184,3 +184,41 @@ def test_no_conjugate_point_of_many_coordinates_is_told_by_the_index(monkeypatch
     assert times[1] == pytest.approx(exact[exact < T], abs=1e-8)
     monkeypatch.setattr("actionopt.analysis.conjugate.regular_index", lambda *given: None)
     assert ao.conjugate_points(found)[0].t == times[1][0]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+def test_rays_meet_again_behind_a_mirror(angle):
+    # The tangential focus of a mirror of radius 1: 1/s + 1/s' = 2/cos(angle).
+    plane, way, on = ao.System(free, ["x", "y"]), 0.8, 2.5
+    a, b = ([1 - s * np.cos(angle), y * s * np.sin(angle)] for s, y in ((way, 1), (on, -1)))
+    mirror = ao.Bounce(lambda q, t: 1 - q[1] ** 2 / 2 - q[0])
+    problem = ao.Problem(plane, ao.Event(0, a), ao.Event(1, b), through=[mirror])
+    found = ao.solve(problem, guess=np.transpose([a, [1, 0], b]), tol=1e-10)
+    focus = 1 / (2 / np.cos(angle) - 1 / way)
+    assert times_of(found) == pytest.approx([(way + focus) / (way + on)], abs=TIME_TOLERANCE)
+    assert found.morse_index == 1
+
+
+def test_neighbours_through_waypoints_begin_anew():
+    oscillator = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    given = [ao.Event(1.0, [0.3, None]), ao.Event(5.0, [0.1, 0.4])]
+    problem = ao.Problem(oscillator, ao.Event(0, [0, 0]), ao.Event(9.0, [0.2, 0.1]), through=given)
+    found = ao.solve(problem, tol=1e-10)
+    # x after it was given at 1, y since the start; both after they were given at 5.
+    expected = [np.pi, 1 + np.pi, 5 + np.pi, 5 + np.pi]
+    assert times_of(found) == pytest.approx(expected, abs=1e-7)
+    assert found.morse_index == len(expected)
+
+
+@pytest.mark.parametrize(
+    "k", [0, 2, 3, 5, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 4))]
+)
+def test_conjugate_points_number_the_index_of_a_path_through_events(k):
+    rng = np.random.default_rng(k)
+    a, b, w = *rng.uniform(-0.6, 0.6, (2, 2)), rng.uniform(-0.05, 0.05)
+    fall = ao.System(lambda q, v, t: (v @ v - q @ q * (k % 2)) / 2 - q[1], ["x", "y"])
+    wall = ao.Bounce(lambda q, t: 1 + w * t - q[0] ** 2 / 1.4**2 - q[1] ** 2)
+    between = [wall] * (1 + k % 3) if k < 4 else [ao.Event(None, [0.5, -0.2])]
+    problem = ao.Problem(fall, ao.Event(0, a), ao.Event(4, b), through=between)
+    found = ao.solve(problem, tol=1e-9)
+    assert len(times_of(found)) == found.morse_index

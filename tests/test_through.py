@@ -329,7 +329,6 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
     for ask in (
         lambda: ao.second_variation(found),
         lambda: spectrum_data(found),
-        lambda: ao.conjugate_points(found),
     ):
         with pytest.raises(ValueError, match="without events between its ends"):
             ask()

@@ -16,10 +16,12 @@ import numpy as np
 
 from actionopt.analysis.index import NEAR_ZERO, tolerance_of
 from actionopt.analysis.jacobi import fields, resolve
+from actionopt.analysis.passage import begin, carry, pinned
 from actionopt.analysis.regular import regular_index
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
+from actionopt.mechanics.course import check_free
 from actionopt.mechanics.problem import Periodic
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -48,17 +50,18 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
 
     By Morse's theorem those before t1, each counted with its multiplicity, number the index of a
     path whose ends are pinned. Where the start is free in a coordinate they are focal points:
-    the neighbours start with that momentum zero. A free end has no part in them.
+    the neighbours start with that momentum zero. A free end has no part in them. Along a path
+    through events the neighbours satisfy their conditions: they pass where and when these let them.
 
-    Raises ValueError for a closed path, for non-conservative forces, where L is not convex in the
-    velocities, or where the constraints are not independent.
+    Raises ValueError for a closed path, one with given integrals, for non-conservative forces,
+    where L is not convex in the velocities, or where the constraints are not independent.
 
     References
     ----------
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 26-29; V. I. Arnold, *Funct.
     Anal. Appl.* 1 (1967), p. 1, for the phases.
     """
-    question(solution).system.check_order("a conjugate point")
+    check_free(question(solution), "a conjugate point")
     if isinstance(question(solution).end, Periodic):
         raise ValueError(
             "expected a path from one event to another, found one that closes: its start varies "
@@ -66,16 +69,26 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
     at, error = solution.discrete, solution.error
-    pinned = len(at.problem.end.pinned) == at.problem.system.n
-    if pinned and regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) == 0:
+    whole = len(at.problem.end.pinned) == at.problem.system.n and not solution.problem.through
+    if whole and regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) == 0:
         return ()  # as many as the index, and none at the end, where an eigenvalue would vanish
-    form = resolve(at, error, CONJUGATE_RESOLUTION, polish=True)
-    if any(term.phase for term in form.tr.nodal):  # no part of how neighbours move
-        form = form_of(form.at, phase=False)
-    if not form.freedom:
-        return ()
-    check_legendre(form)
-    roots = _roots(Phases(form))
+    roots: list[float] = []
+    plane: Array | None = None
+    before: Form | None = None
+    for k, part in enumerate(solution.parts if solution.problem.through else (solution,)):
+        form = resolve(part.discrete, error, CONJUGATE_RESOLUTION, polish=True)
+        if any(term.phase for term in form.tr.nodal):  # no part of how neighbours move
+            form = form_of(form.at, phase=False)
+        if not form.freedom:
+            return ()
+        check_legendre(form)
+        if before is not None and plane is not None:
+            plane = carry(solution, k, plane, before, form)
+        elif part is not solution:
+            plane = begin(solution, form)
+        phases, before = Phases(form, plane), form
+        roots += _roots(phases)
+        plane = phases.last
     start, end = solution.problem.start.t, solution.problem.end.t
     close = SAME_ROOT * (end - start)
     groups: list[list[float]] = []
@@ -90,9 +103,10 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
 class Phases:
     """The phases theta_1 <= ... <= theta_r in [0, pi) of the Jacobi fields at any time."""
 
-    def __init__(self, form: Form) -> None:
+    def __init__(self, form: Form, plane: Array | None = None) -> None:
         self.form, self.mesh = form, form.tr.mesh
-        self.jacobi = fields(form)
+        self.held = form.pinned[0] if plane is None else pinned(plane)
+        self.jacobi, self.last = fields(form, plane)
 
     def __call__(self, t: Array) -> Array:
         """Return the phases at the times t (K,), shape (K, r)."""
@@ -180,7 +194,7 @@ def _roots(phases: Phases) -> list[float]:
     values = list(phases(times))
     if t0 not in singular:
         # As many phases are zero as directions are pinned; rounding may show them as pi.
-        held = phases.form.pinned[0]
+        held = phases.held
         near = np.argsort(np.sin(values[0]))
         values[0] = np.r_[np.zeros(held), np.sort(values[0][near[held:]])]
     shortest = CLOSEST_TIMES * (t1 - t0)

@@ -45,16 +45,19 @@ COEFFICIENT_NOISE = 1e-13  # of the largest: some hundred eps
 POLISH_REACH, BORDERED_STEPS, BORDERED_TOL, FREE_FORCE = 0.5, 12, 1e-11, 1e-8
 
 
-def fields(form: Form) -> list[Array]:
+def fields(form: Form, plane: Array | None = None) -> tuple[list[Array], Array]:
     """Return r Jacobi fields on each element, at its nodes: (d + 1, r, r) in a_k, field last.
 
-    They vanish at the start along its pinned directions; along its free ones their momentum
-    vanishes there. From one element to the next they are recombined. Raises ValueError where the
-    start does not determine them.
+    They begin in a Lagrangian plane (2r, r), a above p in `momentum_unit`s. Without one they vanish
+    at the start along its pinned directions; along its free ones their momentum vanishes there.
+    From one element to the next they are recombined. And the plane at the end. Raises ValueError
+    where the start does not determine them.
     """
-    r, unit = form.freedom, float(np.abs(form.legendre).mean()) * form.frequency or 1.0
+    r, unit = form.freedom, form.momentum_unit
     held = np.arange(r) < form.pinned[0]
-    a, p = np.diag(1.0 * ~held), np.diag(1.0 * held)
+    if plane is None:
+        plane = np.concatenate([np.diag(1.0 * ~held), np.diag(1.0 * held)])
+    a, p = plane[:r], plane[r:]
     result = []
     for E in form.elements:
         inner = len(E) - r
@@ -72,7 +75,7 @@ def fields(form: Form) -> list[Array]:
         result.append(whole.reshape(-1, r, r))
         frame, _ = np.linalg.qr(np.concatenate([later[-r:], E[inner:] @ whole / unit]))
         a, p = frame[:r], frame[r:]
-    return result
+    return result, np.concatenate([a, p])
 
 
 def resolve(first: DiscretePath, error: float, tol: float, *, polish: bool = False) -> Form:
@@ -175,7 +178,7 @@ def finer(
     if Q is not None:
         tail = tails(mesh, [Q[g.nodes] for g in mesh.groups])
     if form is not None and form.freedom:
-        jacobi, tables = fields(form), []
+        (jacobi, _), tables = fields(form), []
         for g in mesh.groups:
             a = np.stack([jacobi[e] for e in g.elements])
             eta = np.einsum("eknr,ekrc->eknc", form.basis[g.nodes], a)

@@ -100,6 +100,11 @@ class Form:
         return tuple(k for k, by in zip(ends, steps, strict=True) if size[k] <= RANK * size[k + by])
 
     @property
+    def momentum_unit(self) -> float:
+        """A unit in which the momenta of Jacobi fields are of the size of their coordinates."""
+        return float(np.abs(self.legendre).mean()) * self.frequency or 1.0
+
+    @property
     def closed(self) -> bool:
         """Whether the ends vary together: a_K = a_0 in the directions that are not pinned.
 

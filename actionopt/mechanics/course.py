@@ -236,23 +236,28 @@ def check_phase(problem: Any) -> None:
         )
 
 
-def check_whole(problem: Any, what: str) -> None:
-    """Raise ValueError for a path through events where `what` is not known of one.
+def check_free(problem: Any, what: str) -> None:
+    """Raise ValueError for a path of given integrals, or of a Lagrangian with accelerations.
 
-    And where L contains accelerations.
+    Where `what` is not known of one.
     """
     problem.system.check_order(what)
+    if problem.integral is not None:
+        raise ValueError(
+            f"expected a path of which no integral is given, found one: {what} is not known with "
+            "multipliers that change; by a value S changes by -solution.integral_multipliers"
+        )
+
+
+def check_whole(problem: Any, what: str) -> None:
+    """Raise ValueError for a path through events, and as `check_free`."""
     if problem.through:
         raise ValueError(
             f"expected a path without events between its ends, found one through "
             f"{len(problem.through)}: {what} is known of its parts alone; ask each of them, "
             "solution.parts, or a problem between two of the events"
         )
-    if problem.integral is not None:
-        raise ValueError(
-            f"expected a path of which no integral is given, found one: {what} is not known with "
-            "multipliers that change; by a value S changes by -solution.integral_multipliers"
-        )
+    check_free(problem, what)
 
 
 def sides(problem: Any) -> list[tuple[int, int, int]]:
