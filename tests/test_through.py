@@ -459,3 +459,60 @@ def test_a_closed_path_that_returns_in_a_kink_is_none():
     )
     with pytest.raises(ao.SolveError, match="returns with another momentum"):
         ao.solve(problem, guess=[[0, 0, 0], [0.4, 0, 0.4]])
+
+
+def on_sphere(theta, phi):
+    return [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]
+
+
+@pytest.mark.parametrize(("height", "half"), [(-0.9, 0.8), (0.3, 1.1)])
+def test_reflections_on_a_sphere(height, half):
+    sphere = ao.System(
+        lambda q, v, t: v @ v / 2, "x y z".split(), constraint=lambda q, t: q @ q - 1
+    )
+    theta = np.arccos(height) - 0.5
+    a, b = on_sphere(theta, -half), on_sphere(theta, half)
+    wall = ao.Bounce(lambda q, t: q[2] - height)
+    problem = ao.Problem(sphere, ao.Event(0, a), ao.Event(2, b), through=[wall])
+    found = ao.solve(problem, tol=1e-11)
+    middle = on_sphere(np.arccos(height), 0.0)  # by the mirror symmetry of both ends
+    way = 2 * np.arccos(np.dot(a, middle))
+    assert found(found.problem.through[0].t) == pytest.approx(middle, abs=1e-9)
+    assert found.action == pytest.approx(way**2 / 4, rel=1e-11)
+    tangent = [0.0, 1.0, 0.0]
+    assert found.impulses[0] @ tangent == pytest.approx(0, abs=1e-9)
+    assert found.compare().agrees
+    points = sum(point.multiplicity for point in ao.conjugate_points(found))
+    assert found.morse_index == points
+
+
+@pytest.mark.parametrize("T", [4.0, pytest.param(3.7, marks=pytest.mark.slow)])
+def test_a_pendulum_in_x_and_y_passes_what_the_angle_does(T):
+    def place(angle):
+        return [np.sin(angle), -np.cos(angle)]
+
+    swing = ao.System(lambda q, v, t: v @ v / 2 + np.cos(q[0]), ["angle"])
+    rod = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    moving = ao.Event(None, None, on=lambda q, t: q[0] - 1 - 0.1 * t)
+    same = ao.Event(
+        None,
+        None,
+        on=lambda q, t: q[0] * np.cos(1 + 0.1 * t) + q[1] * np.sin(1 + 0.1 * t),
+    )
+    events = (ao.Event(None, [1.1]), ao.Event(None, place(1.1))), (moving, same)
+    for one, other in events:
+        by_angle = ao.Problem(swing, ao.Event(0, [0.3]), ao.Event(T, [0.2]), through=[one])
+        known = ao.solve(by_angle, tol=1e-10)
+        ends = ao.Event(0, place(0.3)), ao.Event(T, place(0.2))
+        problem = ao.Problem(rod, *ends, through=[other])
+        found = ao.solve(problem, tol=1e-10)
+        assert found.action == pytest.approx(known.action, abs=1e-10)
+        assert found.energy_jumps == pytest.approx(known.energy_jumps, abs=1e-8)
+        assert found.morse_index == known.morse_index == len(ao.conjugate_points(found))
+
+
+def test_a_waypoint_off_the_constraints_is_refused():
+    rod = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    ends = ao.Event(0, [1, 0]), ao.Event(1, [0, 1])
+    with pytest.raises(ValueError, match="expected event 0 of through on the constraint"):
+        ao.Problem(rod, *ends, through=[ao.Event(None, [0.5, 0.5])])

@@ -83,6 +83,13 @@ def _meet(solution: Solution, k: int, fields: Array, before: Side | None, after:
     at = solution.discrete
     n = at.problem.system.n
     event, _ = event_at(at, k)
+    timed = before is not None and event.t is None
+    if timed and at.problem.system.m and at.problem.system.structure.depends_on_time:
+        raise ValueError(
+            "expected constraints that do not depend on the time where the times of events are "
+            "found, found some that do: what their neighbours' energy is there is not known; give "
+            "the time at which the event is passed"
+        )
     given, count = list(event.pinned), fields.shape[1]
     rows, by_t, bent = _surfaces(solution, k, after.p - (0 if before is None else before.p))
     s, g = len(rows), len(given)
@@ -94,7 +101,7 @@ def _meet(solution: Solution, k: int, fields: Array, before: Side | None, after:
     kick = rows.T @ d_mu + bent[:n, :n] @ dq + bent[:n, n:] * dt
     kick[given] += jumps
     conditions, q_after, p_after = [dq[given], rows @ dq + by_t[:, None] * dt], q, p + kick
-    if before is None or event.t is not None:
+    if before is None or not timed:
         conditions.append(dt)
     else:
         q_after = dq - after.v[:, None] * dt

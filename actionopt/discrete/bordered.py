@@ -41,6 +41,7 @@ from actionopt.discrete.integrals import integrals
 from actionopt.discrete.layout import BorderedLayout
 from actionopt.discrete.path import Path
 from actionopt.discrete.stretch import by_joints
+from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
@@ -391,7 +392,15 @@ def equations_of(asked: Problem, at: DiscretePath) -> tuple[Bordered | Transcrip
     problem, tr = at.problem, at.tr
     if asked.is_joined:
         known = {"times": times_of(problem), "kappa": problem.kappa if problem.kappa.size else None}
-        return Bordered.around(asked, at.path, None, tr.lengths, like=tr, **known)
+        known["like"], lam = tr, None
+        if tr.layout.rows:
+            lam = np.nan_to_num(at.rows)
+            equations, y = Bordered.around(asked, at.path, lam, tr.lengths, **known)
+            # At an event whose place was found there was no row: what is there stops a jump.
+            here, weight = equations.discrete(y), np.bincount(tr.layout.node_of, tr.weight[:, 0])
+            for k, node in enumerate(tr.joints[1:-1].tolist(), 1):
+                lam[node] += reactions(here, k)[1] / weight[node]
+        return Bordered.around(asked, at.path, lam, tr.lengths, **known)
     equations = Transcription(asked, at.mesh, tr.lengths, like=tr)
     return equations, equations.pack(at.Q, at.lam)
 

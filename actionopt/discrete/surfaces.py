@@ -29,7 +29,7 @@ def reactions(at: DiscretePath, k: int) -> tuple[Array, Array]:
     problem, system = at.problem, at.problem.system
     event, t = event_at(at, k)
     free = [i for i, x in enumerate(event.q) if x is None]
-    rows = surface_at(at, k)[1]
+    rows = np.zeros((0, system.n)) if event.on is None else surface_at(at, k)[1]
     if system.m:
         q = at.Q[at.tr.joints[k]]
         G = system.constraint_jacobian(q, t, parameters=problem.parameters)
@@ -53,14 +53,19 @@ def event_at(at: DiscretePath, k: int) -> tuple[Event, float]:
 def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Array | None:
     """Return a point of the event's surface, and of the constraints, near q (n,); None if none is.
 
-    By Newton's method, with steps of least length in units of `size` (n,).
+    Of the constraints alone where the event lies on no surface. By Newton's method, with steps of
+    least length in units of `size` (n,).
     """
     system, given = problem.system, list(event.pinned)
     q = q.copy()
     q[given] = [event.q[i] for i in given]
     free = np.setdiff1d(np.arange(system.n), given)
+    if not free.size:
+        return q
     for k in range(LONGEST_WAY):
-        rows, by_q, _, _ = event.on.at(q, t, problem.packed)
+        rows, by_q = np.zeros(0), np.zeros((0, system.n))
+        if event.on is not None:
+            rows, by_q, _, _ = event.on.at(q, t, problem.packed)
         if system.m:
             f = system.constraint(q, t, parameters=problem.parameters)
             G = system.constraint_jacobian(q, t, parameters=problem.parameters)

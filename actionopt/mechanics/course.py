@@ -197,12 +197,6 @@ def _refuse(problem: Any, unknown: bool) -> None:
             "expected a system without non-conservative forces where times or places of events are "
             "to be found, found one with: no action is stationary in them; give both"
         )
-    if unknown and system.m:
-        raise ValueError(
-            "expected a system without constraints where times or places of events between the "
-            "ends are to be found, found one with: where these surfaces cross is not known; use "
-            "coordinates that need no constraint, or give times and coordinates"
-        )
     if unknown and system.clock is not None and not problem.laws:
         raise ValueError(
             "expected a Lagrangian without branches in the time where times or places of events "

@@ -177,6 +177,8 @@ class Problem:
             check_rates(self, (self.start, self.end))
         if on_surface:
             _check_surfaces(self)
+        if self.through:
+            object.__setattr__(self, "through", check_course(self))
         if self.system.m:
             _check_rows(self.system)
             _check_on_surface(self)
@@ -185,8 +187,6 @@ class Problem:
             check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
         if isinstance(self.end, Periodic) and self.end.relabel is not None:
             _check_alike(self)
-        if self.through:
-            object.__setattr__(self, "through", check_course(self))
 
     packed: Array = field(init=False, repr=False)
 
@@ -782,7 +782,8 @@ def _check_rows(system: System) -> None:
 def _check_on_surface(problem: Problem) -> None:
     """Raise ValueError if a constraint that an event alone decides is not satisfied there."""
     system = problem.system
-    events = {"start": problem.start, "end": problem.end}
+    between = {f"event {k} of through": e for k, e in enumerate(problem.through)}
+    events = {"the start event": problem.start, **between, "the end event": problem.end}
     q = np.array([[0.0 if x is None else x for x in e.q] for e in events.values()])
     t = np.array([[e.t or 0.0] for e in events.values()])
     jacobian = system.pointwise("constraint_jacobian")
@@ -801,9 +802,11 @@ def _check_on_surface(problem: Problem) -> None:
     for k, (role, event) in enumerate(events.items()):
         free = np.array([x is None for x in event.q])
         off[k, rows[free[cols]]] = False  # decided along the path
+        if event.t is None and system.structure.depends_on_time:
+            off[k] = False  # when that is, too
         for i in np.flatnonzero(off[k]):
             raise ValueError(
-                f"expected the {role} event on the constraint surface, found constraint row "
+                f"expected {role} on the constraint surface, found constraint row "
                 f"{i} = {f[k, i]:.6g} at t = {event.t}, q = {event.q}; move the event, or "
                 "leave a coordinate free (None) for the constraint to decide"
             )

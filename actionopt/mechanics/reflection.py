@@ -6,9 +6,10 @@ the surface moves,
     p+ - p- = mu on_q,      H+ - H- = -mu on_t,
 
 the conditions of Weierstrass and Erdmann (Gelfand and Fomin, *Calculus of Variations* (1963),
-section 15). Where H is quadratic in the velocity these are one quadratic equation for mu, whose two
-roots are the motion that passes and the one that is thrown back; none is real beyond the angle of
-total reflection.
+section 15). Under constraints f(q, t) = 0 the momentum changes along f_q, too, so that the motion
+keeps to them. Where H is quadratic in the velocity these are one quadratic equation for mu, whose
+two roots are the motion that passes and the one that is thrown back; none is real beyond the angle
+of total reflection.
 """
 
 from __future__ import annotations
@@ -45,6 +46,8 @@ def leave(
         Whether they are thrown back, or pass.
     """
     (q, v, t), (by_q, by_t) = state, normals
+    if laws[0][0].m:
+        by_q, by_t = _along_constraints(laws[0], (q, v, t), (by_q, by_t))
     with np.errstate(all="ignore"):
         p, H, M = _momenta(laws[0], q, v, t)
         arriving = np.sum(by_q * v, axis=1) + by_t
@@ -74,6 +77,23 @@ def leave(
             change = -(energy - np.sum(u * miss, axis=1)) / slope
             mu, u = mu + change, u - step + change[:, None] * along
     return u
+
+
+def _along_constraints(
+    law: Law, state: tuple[Array, Array, Array], normals: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return on_q + nu f_q (K, n) and on_t + nu f_t (K,): a jump by which keeps to f(q, t) = 0."""
+    (system, packed), (q, _, t), (by_q, by_t) = law, state, normals
+    function = system.pointwise("constraint_jacobian")
+    G, M = function.full(0, function(q, t, packed)[0]).copy(), _momenta(law, *state)[2]
+    moving = system.pointwise("constraint_rate")(q, t, packed)[0]
+    with np.errstate(all="ignore"):
+        try:
+            carried = np.linalg.solve(M, np.swapaxes(G, 1, 2))
+            nu = -np.linalg.solve(G @ carried, np.swapaxes(carried, 1, 2) @ by_q[..., None])
+        except np.linalg.LinAlgError:
+            return np.full(by_q.shape, np.nan), by_t
+    return by_q + np.einsum("kji,kj->ki", G, nu[..., 0]), by_t + np.sum(moving * nu[..., 0], axis=1)
 
 
 def _momenta(law: Law, q: Array, v: Array, t: Array) -> tuple[Array, Array, Array]:

@@ -116,10 +116,11 @@ def rays(
 
     `size` (n,) is that of the coordinates, `span` about how long it takes. There are none where
     motions do not lead from event to event: coordinates of the start are free, or an event between
-    the ends is no surface.
+    the ends is no surface. Nor under constraints, whose impulses no law of reflection here has.
     """
     start, *inner, _ = problem.joints_found
-    given = len(start.pinned) == problem.system.n and not problem.system.structure.forced
+    system = problem.system
+    given = len(start.pinned) == system.n and not (system.structure.forced or system.m)
     if not (inner and given) or any(e.on is None or e.on.count > 1 for e in inner):
         return
     fan = _Fan.of(problem, size, span)

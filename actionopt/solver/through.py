@@ -380,7 +380,7 @@ def _begin(problem: Problem, q: Array, size: Array, share: Array) -> tuple[Path,
     times = _fill(times_of(problem), np.ones(len(q) - 1))
     for _ in range(2):  # surfaces may move, and times depend on places
         for k, event in enumerate(problem.joints_found):
-            if event.on is not None:
+            if event.on is not None or problem.system.m:
                 found = onto(problem, event, q[k], float(times[k]), size)
                 if found is None:
                     return None
