@@ -132,3 +132,12 @@ def test_an_action_that_never_falls_is_no_runaway():
     bump = 0.3 * np.sin(np.pi * tr.mesh.nodes / 0.6)[:, None]
     result = descend(told, tr.pack(tr.straight() + bump))
     assert not result.found and not result.runaway and len(told.taken) == 1
+
+
+def test_an_action_that_falls_faster_than_any_metric_holds_runs_away():
+    system = System(lambda q, v, t: v @ v / 2 - 100 * (q @ q) ** 2, ["x"])
+    tr = transcribed(system, ([1.0], [1.0]), 1.0)
+    result = descend(tr, tr.pack(tr.straight()))
+    assert not result.found and result.runaway
+    away = np.max(np.abs(result.z))
+    assert away < RUNAWAY  # it is told from farther away than the descent went

@@ -55,7 +55,7 @@ class Descended:
 
 def descend(tr: Transcription, z: Array) -> Descended:
     """Go down from z; S decreases at every step. For systems without constraints or forces."""
-    mu, count = 0.0, 0
+    mu, count, first = 0.0, 0, z
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
         while count < DESCENT_STEPS and np.abs(z).max() < RUNAWAY:
@@ -65,8 +65,8 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 break
             while not (factors := Factors(tr.layout, H + mu * K if mu else H)).definite():
                 mu = max(RAISE_MU * mu, FIRST_MU)
-                if mu > LARGEST_MU:  # a mass matrix that is not positive has no lowest action
-                    return Descended(z, False, False, count)
+                if mu > LARGEST_MU:  # or the mass is not positive: then there is no lowest action
+                    return Descended(z, False, _falls(tr, first, z), count)
             while True:
                 count += 1
                 try:
@@ -80,7 +80,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     break
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:
-                    return Descended(z, False, False, count)
+                    return Descended(z, False, _falls(tr, first, z), count)
                 factors = Factors(tr.layout, H + mu * K)
             before, (z, action) = z, lower
             gradient = tr.gradient(z)
@@ -90,6 +90,19 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     return Descended(z - second, True, False, count)
             mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
     return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)
+
+
+def _falls(tr: Transcription, first: Array, z: Array) -> bool:
+    """Whether S falls all the way from z to where the path has run away, away from the first."""
+    action, away = tr.action(z), z - first
+    while np.abs(z).max() < RUNAWAY:
+        if not np.abs(away).max() > 1.0:  # no farther from the first than the path is long
+            return False
+        away = 2 * away
+        z, before, action = first + away, action, tr.action(first + away)
+        if not action < before:
+            return False
+    return True
 
 
 def _backtrack(
