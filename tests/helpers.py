@@ -26,9 +26,13 @@ def a_quarter(variants, first=0):
 
 
 def of_one_leg():
-    """Return the scenes whose paths pass no events between their ends and have no integrals."""
+    """Return the scenes whose paths pass no events between their ends and have no integrals.
+
+    And whose Lagrangian contains no accelerations.
+    """
     asked = ((name, scenes.get(name).problem) for name in scenes.SCENES)
-    return [name for name, x in asked if not x.through and x.integral is None]
+    simple = [(name, x) for name, x in asked if not x.through and x.integral is None]
+    return [name for name, x in simple if x.system.order == 1]
 
 
 @cache

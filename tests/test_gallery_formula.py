@@ -45,7 +45,7 @@ class Values:
         self.indices = {}
         self.known |= {"t": t} | dict(zip(self.names, q, strict=True))
         self.rates = dict(zip(self.names, v, strict=True))
-        self.second = {}
+        self.higher = {}  # of the number of derivatives
         self.scene = scene
         for symbol, node in definitions:
             self.known["".join(parts(symbol)[:2])] = self(node)
@@ -79,12 +79,15 @@ class Values:
                 return getattr(np, function)(self(argument))
         raise AssertionError(node)
 
+    def named(self, rows):
+        return dict(zip(self.names, rows, strict=True))
+
     def symbol(self, name, index, primes):
         if index and index[0] in self.indices:
             index = str(eval(index, {}, {k: int(i) for k, i in self.indices.items()}))
         key = name + index
         if primes:
-            return (self.rates if primes == 1 else self.second)[key]
+            return self.rates[key] if primes == 1 else self.higher[primes][key]
         if key in self.known:
             return self.known[key]
         table = {"r": self.known, "v": self.rates}[name]
@@ -94,7 +97,7 @@ class Values:
 def at_random(scene):
     rng = np.random.default_rng(5)
     n = scene.problem.system.n
-    return 0.3 + rng.random((n, POINTS)), rng.standard_normal((n, POINTS)), rng.random(POINTS)
+    return 0.3 + rng.random((n, POINTS)), rng.standard_normal((n, POINTS)) / 4, rng.random(POINTS)
 
 
 @pytest.mark.parametrize("name", scenes.SCENES)
@@ -102,6 +105,7 @@ def test_the_formulas_are_what_is_solved(name):
     scene = scenes.get(name)
     system, given = scene.problem.system, scene.problem.parameters
     q, v, t = at_random(scene)
+    more = np.random.default_rng(6).standard_normal((system.order - 1, *q.shape))
     module = importlib.import_module(f"actionopt.scenes.{name}")
     for function in ("lagrangian", "constraint", "force", "obstacle", "integral"):
         if not hasattr(module, function):
@@ -110,7 +114,12 @@ def test_the_formulas_are_what_is_solved(name):
         value = Values(scene, q, v, t, found.definitions)
         if function == "lagrangian":
             given = {name: given[name] for name in (scene.problem.plain or system).parameters}
-            wanted = (scene.problem.plain or system).lagrangian(q, v, t, parameters=given)
+            law, (*below, highest) = scene.problem.plain or system, (q, v, *more)
+            value.higher = dict(enumerate(map(value.named, more), 2))
+            state = np.concatenate(below).T, highest.T, t[:, None]
+            wanted = law.pointwise("value")(*state, law.table.pack(law.table.values(given)))[0][
+                :, 0
+            ]
             values = value(found.sides[-1])
         elif function == "integral":
             wanted = [module.integral(*at) for at in zip(q.T, v.T, t, strict=True)]
@@ -139,12 +148,17 @@ def unfulfilled(name, change=lambda text: text):
         t = t[np.abs(t - event.t) > scene.problem.duration / 80]
     for arc in solution.contacts:  # they are those of the free motion
         t = t[(t < arc.begin - scene.problem.duration / 80) | (t > arc.end + 1e-2)]
-    h, v = 1e-3 * scene.problem.duration, solution.velocity  # differences of order 8
+    h, order = 1e-3 * scene.problem.duration, system.order  # differences of order 8
+
+    def v(t):  # the highest derivative that a motion is told by
+        return solution.derivatives(t)[-1]
+
     weights = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
     a = sum(w / h * (v(t + k * h) - v(t - k * h)) for k, w in enumerate(weights, 1))
     value = Values(scene, solution(t), solution.velocity(t), t)
-    value.second = dict(zip(system.coordinates, a, strict=True))
-    lamda = solution.multipliers(t)
+    known = [*solution.derivatives(t)[2:], a]
+    value.higher = dict(enumerate(map(value.named, known), 2))
+    lamda = solution.multipliers(t) if order == 1 else ()
     value.known |= {"lamda": lamda[0]} if system.m == 1 else {}
     value.known |= {f"lamda{k + 1}": row for k, row in enumerate(lamda)}
     missed, least = [], np.max(np.abs(v(t))) / scene.problem.duration  # where all terms vanish

@@ -115,6 +115,10 @@ IF_DRIVEN: Rule = (
     lambda s: s.has_forces,
     "A force stands beside the Lagrangian, whose work is neither in T nor in V.",
 )
+IF_BENT: Rule = (
+    lambda s: s.solution.problem.system.order > 1,
+    "Neighbours of paths whose Lagrangian contains accelerations are not drawn yet.",
+)
 IF_LENGTH: Rule = (
     lambda s: s.scene.measure is not None,
     "The Lagrangian is no kinetic energy less a potential one.",
@@ -179,7 +183,9 @@ def _kind(
     return add
 
 
-@_kind("The path among its neighbours", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE)
+@_kind(
+    "The path among its neighbours", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT, IF_NOT_PLANE
+)
 def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     plot.bundle(s.solution, figure.subplots(), units=s.units)
     rise = plot.bundle_data(s.solution).rise
@@ -208,7 +214,9 @@ def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     )
 
 
-@_kind("The action along two variations", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_SEVERAL)
+@_kind(
+    "The action along two variations", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT, IF_SEVERAL
+)
 def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     plot.slices(s.solution, figure.subplots(), units=s.units)
     least = s.solution.kind == "minimum"
@@ -226,7 +234,7 @@ def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     )  # fmt: skip
 
 
-@_kind("The action as a landscape", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT)
+@_kind("The action as a landscape", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT)
 def _landscape(s: Subject, figure: Any) -> tuple[str, str]:
     plot.landscape(s.solution, figure.subplots(), units=s.units)
     rise = plot.landscape_data(s.solution).rise
@@ -248,7 +256,7 @@ def _index(s: Subject) -> str:
     return say("The path is a {kind} of Morse index {index}.", kind=kind, index=index)
 
 
-@_kind("Paths from one event", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE)
+@_kind("Paths from one event", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT, IF_NOT_PLANE)
 def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     plot.fan(s.solution, figure.subplots(), units=s.units)
     data = plot.fan_data(s.solution)
@@ -269,7 +277,7 @@ def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     )
 
 
-@_kind("The second variation as the path grows", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT)
+@_kind("The second variation as the path grows", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT)
 def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
     plot.spectrum(s.solution, figure.subplots(), units=s.units)
     index = s.solution.morse_index
@@ -342,20 +350,31 @@ def _energies(s: Subject, figure: Any) -> tuple[str, str]:
 def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
     plot.conserved(s.solution, figure.subplots(2, sharex=True), units=s.units)
     data = plot.conserved_data(s.solution)
-    names = ["H", *(letter(name) for name in s.solution.problem.system.coordinates)]
+    order, coordinates = s.solution.problem.system.order, s.solution.problem.system.coordinates
+    dashes = ["'" * k for k in range(order)]
+    names = ["H", *(letter(name) + dash for dash in dashes for name in coordinates)]
     rows = list(zip(names, data.flat, data.kept, strict=True))
     kept = ", ".join(name for name, _, kept in rows if kept) or say("none of them")
     only = ", ".join(name for name, flat, kept in rows if flat and not kept)
     said = say("conserved: {names}", names=kept)
     if only:
         said += "; " + say("constant on this path alone: {names}", names=only)
-    size = float(np.max(np.abs(data.momentum * s.solution.velocity(data.t)))) if data.flat[0] else 0
+    rates = s.solution.derivatives(data.t)[1 : s.solution.problem.system.order + 1]
+    size = float(np.max(np.abs(data.momentum * np.concatenate(rates)))) if data.flat[0] else 0
     H = span(data.energy, s.units.energy, size)
     alt = say("Energy function H, {H}, and momenta against time; {said}.", H=H, said=said)
     return alt, say("H {span}.", span=H)
 
 
-@_kind("Fronts of equal action", IN_MOTION, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE, IF_CONSTRAINED)
+@_kind(
+    "Fronts of equal action",
+    IN_MOTION,
+    IF_FORCED,
+    IF_BENT,
+    IF_IN_CONTACT,
+    IF_NOT_PLANE,
+    IF_CONSTRAINED,
+)
 def _fronts(s: Subject, figure: Any) -> tuple[str, str]:
     plot.wavefronts(s.solution, figure.subplots(), units=s.units)
     alt = say(

@@ -101,9 +101,10 @@ def _coordinates(s: Subject, t: Array) -> list[dict[str, Any]]:
 
 def _energies(s: Subject, t: Array) -> list[dict[str, Any]]:
     """Return the graph of T and V, or of L where that is no difference of the two, and S so far."""
-    q, v, system = s.solution(t), s.solution.velocity(t), s.solution.problem.system
-    parameters = s.solution.problem.parameters
-    L = system.lagrangian(q, v, t, parameters=parameters)
+    q, v, problem = s.solution(t), s.solution.velocity(t), s.solution.problem
+    *below, highest = s.solution.derivatives(t)[: problem.system.order + 1]
+    state = np.concatenate(below).T, highest.T, t[:, None], problem.packed
+    L = problem.system.pointwise("value")(*state)[0][:, 0].copy()
     far = np.diff(t) * (L[1:] + L[:-1]) / 2
     S = np.r_[0.0, np.cumsum(far)]
     S += (s.solution.action - S[-1]) * np.linspace(0, 1, t.size)  # of trapezes, which miss a little

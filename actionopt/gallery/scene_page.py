@@ -58,6 +58,14 @@ LAWS = {  # as MathML, what each equation of motion is an instance of
             "<mo>&#x2212;</mo><mi>&#x3BD;</mi>" + _PART.format("<mi>f</mi>", "<mi>q</mi>"),
         ),
         ("forced", "d/dt dL/dq' = dL/dq + Q", "<mo>+</mo><mi>Q</mi>"),
+        (
+            "bent",
+            "d/dt dL/dq' = dL/dq + d^2/dt^2 dL/dq'' - ...",
+            "<mo>+</mo><mfrac><msup><mi>d</mi><mn>2</mn></msup><mrow><mi>d</mi><msup><mi>t</mi>"
+            "<mn>2</mn></msup></mrow></mfrac>"
+            + _PART.format("<mi>L</mi>", _Q_DOT.replace("&#x2D9;", "&#xA8;"))
+            + "<mo>&#x2212;</mo><mo>&#x2026;</mo>",
+        ),
     )
 }
 EQUATIONS_SHOWN = 4  # equations; the others are folded away
@@ -75,8 +83,8 @@ GIVEN_INTEGRAL = (
     "S plus κ times that integral is stationary: the Lagrangian is L + κ G in its place."
 )
 AS_FOUND = (
-    "No path can be bent here: this page does not solve for paths through events, or with a given "
-    "integral. It shows the one that was found."
+    "No path can be bent here: this page does not solve for paths through events, with a given "
+    "integral, or with accelerations in the Lagrangian. It shows the one that was found."
 )
 NOT_LIVE = "No path can be bent here: {reason}."
 UNWRITTEN = "They are too long to be read, or hold no formula."
@@ -188,19 +196,21 @@ def _live(s: Subject) -> str:
     """Return the path to be drawn by hand; nothing along an obstacle, which that does not know."""
     if s.touches:
         return ""
-    if s.between or s.solution.problem.integral is not None:
-        return f'<p class="section-note">{say(AS_FOUND)}</p>\n'
+    problem, title = s.solution.problem, f"<h2>{say('The path under your hand')}</h2>"
+    if s.between or problem.integral is not None or problem.system.order > 1:
+        return f'<section>{title}\n<p class="section-note">{say(AS_FOUND)}</p></section>\n'
     try:
         drawn = figure(
-            s.solution.problem,
+            problem,
             s.solution,
             units=s.units,
             draw=s.scene.draw,
             measure=s.scene.measure,
         )
     except ValueError as error:  # a law or an end of one's own that a page cannot compute
-        return f'<p class="section-note">{escape(say(NOT_LIVE, reason=error))}</p>\n'
-    return f"""<section><h2>{say("The path under your hand")}</h2>
+        reason = escape(say(NOT_LIVE, reason=error))
+        return f'<section>{title}\n<p class="section-note">{reason}</p></section>\n'
+    return f"""<section>{title}
 <p class="section-note">{say(LIVE)}</p>
 {drawn}
 </section>
@@ -233,12 +243,16 @@ def _principle(s: Subject, words: Texts) -> str:
         "coordinate",
         "forced": "A force Q, which is not in the Lagrangian, stands beside it in the equations of "
         "Lagrange and d'Alembert. For each coordinate",
+        "bent": "Of all paths between the two events that have the velocities given there this one "
+        "makes the integral of L stationary, whose accelerations count. For each coordinate, by "
+        "Euler and Poisson",
     }
     which = (
         "forced" if s.has_forces else "held" if system.m else "touching" if s.touches else "least"
     )
+    which = "bent" if which == "least" and system.order > 1 else which
     more = ""
-    if s.between:
+    if any(e.t is None for e in s.solution.problem.joints[1:-1]):
         more += f"<p>{say(AT_EVENTS)}</p>"
     if s.solution.problem.integral is not None:
         more += f"<p>{say(GIVEN_INTEGRAL)}</p>"
@@ -394,7 +408,8 @@ def _known_part(s: Subject) -> str:
 
 def _result_part(s: Subject) -> str:
     solution = s.solution
-    names, (p0, p1) = solution.problem.system.coordinates, solution.momenta
+    (p0, p1), names = solution.momenta, solution.problem.system.coordinates
+    named = [name + "'" * k for k in range(solution.problem.system.order) for name in names]
     H = solution.energy(s.t)
     rows = [
         *_measure_row(s),
@@ -405,9 +420,9 @@ def _result_part(s: Subject) -> str:
         *(
             (
                 say("momentum of {name} at the start and the end", name=symbol(name)),
-                _pair(a, b, s.units.momentum(name)),
+                _pair(a, b, "" if name.endswith("'") else s.units.momentum(name)),
             )
-            for name, a, b in zip(names, p0, p1, strict=True)
+            for name, a, b in zip(named, p0, p1, strict=True)
         ),
         *([] if s.has_forces else [(say("the action is"), escape(s.verdict))]),
         (

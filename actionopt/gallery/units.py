@@ -33,9 +33,13 @@ SCENE_UNITS = {
     "descent_through_gate": {"h": "m"},
     "rope_of_length": {"h": "m"},
     "string_to_wall": {"far": "m", "lean": "rad"},
+    "smoothest_way": {"apart": "m", "high": "m", "low": "m"},
+    "clamped_beam": {"B": "N m^2", "f": "N/m"},
+    "buckled_beam": {"B": "N m^2", "P": "N"},
     "throw_at_cart": {"u": "m/s", "far": "m", "high": "m"},
 }
 FACTS = {
+    "top_speed": "m/s", "sag": "m", "euler_load": "N", "lean": "rad", "shortening": "m",
     "period": "s", "contact_time": "s", "circle": "m", "drift": "m/s", "terminal_speed": "m/s",
     "contact_angle": "rad", "rest_angle": "rad", "tilt": "rad", "cyclotron": "rad/s",
     "oscillation": "rad/s", "spin": "rad/s", "block_acceleration": "m/s^2",

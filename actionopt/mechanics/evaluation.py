@@ -198,7 +198,8 @@ class NumericLaws(Laws):
 
     def _at(self, name: str, q, v, t, parameters) -> list[Array]:
         """Evaluate a compiled function at arguments of the user's shape: (rows, K) or (rows,)."""
-        self.check_order("a value at one q, v and t")
+        if v is not NO_VELOCITY:
+            self.check_order("a value at one q, v and t")
         arguments, single = self.arguments(q, v, t, parameters)
         results = self.pointwise(name)(*arguments)
         return [r[0].copy() if single else r.T.copy() for r in results]

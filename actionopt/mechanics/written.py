@@ -18,7 +18,7 @@ from typing import Any
 import casadi as ca
 
 from actionopt.mechanics.laws import Laws
-from actionopt.mechanics.tracing import ParameterTable
+from actionopt.mechanics.tracing import ParameterTable, stack
 from actionopt.tools.tape import Node, Tape
 
 MOST_TERMS = 60  # terms; more are no formula to be read (ad hoc)
@@ -52,7 +52,8 @@ def equations(system: Laws, table: ParameterTable) -> list[str]:
     """Return the equations of motion as formulas, one for each coordinate, then the constraints.
 
     d/dt dL/dv = dL/dq + Q + sum over constraints of lambda df/dq (equation 12.8), what is common
-    to all terms and no coordinate's divided out, accelerations to the left.
+    to all terms and no coordinate's divided out, accelerations to the left; with accelerations in L
+    the equations of Euler and Poisson, d/dt (dL/dv - d/dt dL/da) on the left.
 
     Raises ValueError for a law that cannot be written.
 
@@ -66,18 +67,19 @@ def equations(system: Laws, table: ParameterTable) -> list[str]:
     >>> equations(pendulum, pendulum.table)
     ["l theta'' = -g sin theta"]
     """
-    if system.order > 1:
-        raise ValueError("expected a law of first order to be written, found one of a higher order")
     s, n, m = system.symbols, system.n, system.m
-    a, multipliers = ca.SX.sym("a", n), ca.SX.sym("lamda", m)
-    p = ca.gradient(system.L, s.v)
-    rate = ca.jtimes(p, s.v, a) + ca.jtimes(p, s.q, s.v) + ca.jacobian(p, s.t)
-    rest = ca.gradient(system.L, s.q)
+    higher, multipliers = ca.SX.sym("a", system.order * n), ca.SX.sym("lamda", m)
+    *below, highest = jet = [system.place, *ca.vertsplit(stack(s.q, s.v), n)[1:]]
+    rest = ca.gradient(system.L, highest)
+    place, ahead = ca.vertcat(*jet, higher), ca.vertcat(*jet[1:], higher, ca.SX.zeros(n))
+    for y in reversed(below):
+        rate = ca.jtimes(rest, place, ahead) + ca.jacobian(rest, s.t)
+        rest = ca.gradient(system.L, y) - rate
     if system.Q.numel():
         rest += system.Q
     if m:
-        rest += ca.jacobian(system.f, s.q).T @ multipliers
-    found = _read(system, table, ca.vertcat(rate - rest, system.f), a, multipliers)
+        rest += ca.jacobian(system.f, system.place).T @ multipliers
+    found = _read(system, table, ca.vertcat(-rest, system.f), higher, multipliers)
     rows = [_equation(row, {*_entry_names(table)}) for row in found[:n]]
     return rows + [f"{_text(row)} = 0" for row in found[n:]]
 
@@ -117,9 +119,13 @@ def _entry_names(table: ParameterTable) -> list[str]:
 
 
 def _read(system: Laws, table: ParameterTable, expression: ca.SX, *more: ca.SX) -> list[Sum]:
-    """Return the entries of a column as sums; `more` are accelerations and multipliers."""
+    """Return the entries of a column as sums; `more` are higher derivatives and multipliers."""
     s, names = system.symbols, list(system.coordinates)
-    dots = [[name + "'" * k for name in names] for k in range(3)]
+    r = system.order
+    dots = [
+        [name + "'" * k for k in part for name in names]
+        for part in (range(r), [r], range(r + 1, 2 * r + 1))
+    ]
     lamda = ["lamda"] if system.m == 1 else [f"lamda{k + 1}" for k in range(system.m)]
     known = [dots[0], dots[1], ["t"], _entry_names(table), dots[2], lamda]
     places = [name for k in (5, 3, 2, 0, 1, 4) for name in known[k]]

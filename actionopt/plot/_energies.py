@@ -79,7 +79,9 @@ def conserved(
         axes = style.new_figure((6.4, 5.4)).subplots(2, sharex=True)
     above, below = axes  # type: ignore[misc]
     # An index of an index would be too small to read.
-    whats = ["$H$", *(f"$p_{{{symbol(name)[1:-1].replace('_', '')}}}$" for name in names)]
+    dashes = ["'" * k for k in range(solution.problem.system.order)]
+    indices = [symbol(name)[1:-1].replace("_", "") + dash for dash in dashes for name in names]
+    whats = ["$H$", *(f"$p_{{{index}}}$" for index in indices)]
     rows = zip(whats, [data.energy, *data.momentum], data.flat, data.kept, strict=True)
     for i, (what, values, flat, kept) in enumerate(rows):
         if flat:
@@ -91,7 +93,8 @@ def conserved(
     below.set_ylabel(label("momenta $p$", *map(units.momentum, names)))
     below.set_xlabel(label(units.clock, units.time))
     above.set_title(say("{name}: energy and momenta along the path", name=style.heading(solution)))
-    work = float(np.max(np.abs(data.momentum * solution.velocity(data.t))))
+    rates = np.concatenate(solution.derivatives(data.t)[1 : len(dashes) + 1])
+    work = float(np.max(np.abs(data.momentum * rates)))
     for ax, least in ((above, work * data.flat[0]), (below, 0.0)):
         ax.margins(x=0)
         _no_magnified_rounding(ax, least)

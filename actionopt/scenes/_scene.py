@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.events import Event, State
+from actionopt.mechanics.events import RATES, Event, State
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.scenes._shapes import Shape
@@ -233,7 +233,8 @@ class Setup:
     if it is not given, as it is where the coordinates do not move. `through` are the events between
     the ends, `media` the parameters that each leg has of its own, and `integral` the values of the
     file's integrals; then `exact` is given, and the facts have the times and the multipliers.
-    `measure` is what a file with a `length` measures, if that is not a length.
+    `measure` is what a file with a `length` measures, if that is not a length. `rates` are the
+    derivatives v, a, ... at the start and at the end, of a Lagrangian that contains higher ones.
     """
 
     coordinates: Sequence[str]
@@ -249,6 +250,7 @@ class Setup:
     media: Sequence[Mapping[str, float]] = ({},)
     integral: Sequence[float] | None = None
     measure: Measure | None = None
+    rates: tuple[Sequence[Any], Sequence[Any]] = ((), ())
 
 
 def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
@@ -257,7 +259,10 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
     laws = [system(file, tuple(found.coordinates), tuple(own.items())) for own in found.media]
     times = (0.0, found.duration)
     ends = found.ends or [found.exact(t) for t in times]  # type: ignore[misc]
-    start, end = (Event(t, q) for t, q in zip(times, ends, strict=True))
+    start, end = (
+        Event(t, q, **dict(zip(RATES, rates, strict=False)))
+        for t, q, rates in zip(times, ends, found.rates, strict=True)
+    )
     own = found.media[0]
     values = {name: numbers[name] for name in laws[0].parameters if name not in own}
     wanted = end if found.energy is None else end.at(None)
@@ -299,7 +304,7 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
         file.SOURCE,
         title=file.TITLE,
         draw=found.draw,
-        kinetic=found.kinetic or kinetic,
+        kinetic=found.kinetic or (kinetic if law.order == 1 else None),
         words=file.WORDS,
         measure=found.measure or (Measure() if hasattr(file, "length") else None),
     )

@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 from actionopt.tools.formula import PRIME, Formula, formula
 from actionopt.tools.greek import GREEK
 
+DOTS = "&#x2D9;", "&#xA8;", "&#x20DB;", "&#x20DC;"  # over a symbol: time derivatives
 LETTERS = {"w": "omega", "lamda": "lambda"}  # how a name of the code is written in a book
 FUNCTIONS = "sin cos tan arcsin arccos arctan sinh cosh tanh log".split()
 VECTORS = ("r", "v", "Q")
@@ -41,7 +42,8 @@ def inline(text: str, scalars: Collection[str]) -> str:
 
 def symbol(name: str) -> str:
     """Return the name of a coordinate or parameter as MathML."""
-    return f'<math alttext="{name}"><mrow>{_Writer([name])(ast.Name(name))}</mrow></math>'
+    node = ast.Name(name.replace("'", PRIME))
+    return f'<math alttext="{name}"><mrow>{_Writer([name])(node)}</mrow></math>'
 
 
 class _Writer:
@@ -115,9 +117,10 @@ class _Writer:
         else:
             name = LETTERS.get(name, name)
             body = f"<mi>{GREEK.get(name, name)}</mi>"
-        if primes:
-            dots = "&#x2D9;" if len(primes) == 1 else "&#xA8;"
-            body = f'<mover accent="true">{body}<mo>{dots}</mo></mover>'
+        if len(primes) > len(DOTS):
+            body = f"<msup>{body}{_bracket(f'<mn>{len(primes)}</mn>')}</msup>"
+        elif primes:
+            body = f'<mover accent="true">{body}<mo>{DOTS[len(primes) - 1]}</mo></mover>'
         return body, at or (f"<mn>{digits}</mn>" if digits else "")
 
     def terms(self, node: ast.expr) -> list[str]:

@@ -164,14 +164,16 @@ class ConservedCurves:
 def conserved_data(solution: Solution, count: int = CURVE_TIMES) -> ConservedCurves:
     """Return H and p along the path at equal times, which of them are constant, and which must."""
     t = times(solution, count)
-    H, p, v = solution.energy(t), solution.momentum(t), solution.velocity(t)
+    H, p, order = solution.energy(t), solution.momentum(t), solution.problem.system.order
+    v = np.concatenate(solution.derivatives(t)[1 : order + 1])  # of each momentum's coordinate
     work = np.max(np.abs(p * v))  # v . p is the part of H that momenta make up
     speeds = np.maximum(np.max(np.abs(v), axis=1), 1e-300)
     sizes = [max(work, np.max(np.abs(H))), *np.maximum(work / speeds, np.max(np.abs(p), axis=1))]
     rows = [H, *p]
     flat = [bool(np.ptp(x) <= FLAT_CHANGE * size) for x, size in zip(rows, sizes, strict=True)]
-    shifts = np.eye(len(rows))  # in time, and of each coordinate
-    kept = [same and _symmetric(solution.problem, e) for same, e in zip(flat, shifts, strict=True)]
+    shifts = np.eye(1 + solution.problem.system.n)  # in time, and of each coordinate
+    kept = [same and _symmetric(solution.problem, e) for same, e in zip(flat, shifts, strict=False)]
+    kept += [False] * (len(rows) - len(kept))  # no velocity is shifted alone
     return ConservedCurves(t, H, p, tuple(flat), tuple(kept))
 
 
