@@ -40,11 +40,11 @@ def scene(*, x=0.4, y=0.3, duration=0.8):
 
     def place(t):
         s = t / duration
-        return np.multiply.outer(way, s**3 * (10 - 15 * s + 6 * s**2))
+        return list(np.multiply.outer(way, s**3 * (10 - 15 * s + 6 * s**2)))
 
     def velocity(t):
         s = t / duration
-        return np.multiply.outer(way, 30 * s**2 * (1 - s) ** 2 / duration)
+        return list(np.multiply.outer(way, 30 * s**2 * (1 - s) ** 2 / duration))
 
     rest = np.zeros(2)
     return Setup(
