@@ -3,18 +3,32 @@
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import null_space
+from scipy.optimize import least_squares
 
 from actionopt import suite
 from actionopt.suite import nl, solvers
 from actionopt.suite.cell import Cell, evaluate
-from actionopt.suite.interfaces import Cutest, hessian, jacobian, scipy_arguments
+from actionopt.suite.interfaces import (
+    Cutest,
+    hessian,
+    jacobian,
+    least_squares_arguments,
+    scipy_arguments,
+)
+from actionopt.suite.models.fits import largest_residual
+from actionopt.suite.models.floors import contact_changes
+from actionopt.suite.sequence import compare, in_force, steps
 from actionopt.suite.verdict import verdict
 
 INFEASIBLE = [name for name in suite.MODELS if suite.model(name).infeasible]
+SMOOTH = [name for name in suite.MODELS if suite.model(name).smooth]
+FEASIBLE = [name for name in SMOOTH if name not in INFEASIBLE]
 STEP = 1e-6  # of the differences; they leave its square and round-off over it
 
 
-@pytest.mark.parametrize("name", suite.MODELS)
+@pytest.mark.parametrize("name", SMOOTH)
 def test_derivatives_are_those_of_the_functions(name):
     problem = suite.model(name)
     random = np.random.default_rng(5)
@@ -38,7 +52,7 @@ def test_derivatives_are_those_of_the_functions(name):
         )
 
 
-@pytest.mark.parametrize("name", suite.MODELS)
+@pytest.mark.parametrize("name", SMOOTH)
 def test_files_have_the_same_functions(name, tmp_path):
     problem = suite.model(name)
     nl.write(problem, tmp_path / "m.nl")
@@ -54,6 +68,33 @@ def test_files_have_the_same_functions(name, tmp_path):
         room, expected = np.asarray(g).ravel() - np.array(found), c - own
         finite = np.isfinite(own)
         np.testing.assert_allclose(room[finite], expected[finite], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", FEASIBLE)
+def test_answers_satisfy_the_conditions_of_first_and_second_order(name):
+    problem = suite.model(name)
+    x, lam = problem.x_star, problem.lam_star
+    assert problem.violation(x) <= 1e-12 and problem.lowest == problem.f_star
+    assert problem.distance(problem.start()) > 1e-2
+    J, H = jacobian(problem, x).toarray(), hessian(problem, x, lam).toarray()
+    slope = problem.gradient(x) + J.T @ lam
+    (lower, upper), (low, high) = problem.bounds, problem.constraint_bounds
+    c, size = problem.constraints(x), 1 + np.abs(J * lam[:, None]).max(initial=0)
+    at_low, at_high = x - lower <= 1e-12, upper - x <= 1e-12
+    assert np.all(slope[at_low] >= -1e-11) and np.all(slope[at_high] <= 1e-11)
+    np.testing.assert_allclose(slope[~(at_low | at_high)], 0, atol=1e-11 * size)
+    unequal = low < high
+    for side, sign in ((low, 1), (high, -1)):
+        away = unequal & (np.abs(c - side) > 1e-11)
+        assert not np.any(sign * lam[away] < -1e-12)  # only a side that is met presses
+    free = null_space(np.vstack([J[~unequal | (lam != 0)], np.eye(problem.n)[slope_is(slope)]]))
+    inner = np.linalg.eigvalsh(free.T @ H @ free)
+    assert (problem.index_star, problem.kind) == (np.sum(inner < 0), "minimum")
+
+
+def slope_is(slope):
+    """Return which bounds press."""
+    return np.flatnonzero(np.abs(slope) > 1e-9)
 
 
 # -- infeasible ------------------------------------------------------------------------------
@@ -130,3 +171,121 @@ def test_a_model_in_other_clothes():
     assert other.is_linear_cons.all() and not other.is_eq_cons.any()
     assert {"bounds"} & set(scipy_arguments(problem, "SLSQP")) == set()
     assert solvers.run("ipopt", problem, problem.start()).said == "infeasible"
+
+
+# -- sequences -------------------------------------------------------------------------------
+
+
+def test_contact_of_a_rising_floor_grows_where_it_is_said():
+    heights = contact_changes(20)
+    assert np.all(np.diff(heights) > 0)
+    counts = []
+    for floor in heights:
+        below, above = (
+            in_force(suite.model("string_above_floor", elements=20, floor=floor + e)).sum()
+            for e in (-1e-6, 1e-6)
+        )
+        counts.append((below, above))
+    # First the node in the middle, then one on either side of what is in contact.
+    assert counts == [(0, 1), *((2 * k - 1, 2 * k + 1) for k in range(1, 10))]
+
+
+def test_steps_carry_the_answer_before_and_say_what_changes():
+    sequence = list(steps("string_above_floor", "floor", (-0.9, -0.85, 0.0), 20))
+    first, second = (suite.model("string_above_floor", elements=20, floor=f) for f in (-0.9, -0.85))
+    assert np.array_equal(sequence[0].x, first.x_star)
+    assert np.array_equal(sequence[1].x, second.x_star)
+    assert [s.changes for s in sequence] == [0, 2 * sum(contact_changes(20)[1:] < 0)]
+    ((value, changes, cold, warm),) = compare("scipy:L-BFGS-B", iter(sequence[:1]))
+    assert (value, changes) == (-0.85, 0) and warm < cold
+    waves = list(steps("string_waves", "waves", (2.9, 3.0)))
+    assert waves[0].lam.size == waves[0].problem.m and waves[0].changes > 0
+    with pytest.raises(ValueError, match="expected the optimum of pendulum_long at 3"):
+        compare("ipopt", steps("pendulum_long", "duration", (2.9, 3.0)))
+
+
+# -- least squares ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("modes, residual", [(1, 0.1), (2, 1.0), (1, 20.0), (1, 50.0)])
+def test_residuals_are_orthogonal_to_their_derivatives(modes, residual):
+    problem = suite.model("decaying_oscillations", modes=modes, residual=residual)
+    x = problem.x_star
+    r, J = problem.residuals(x), problem.residual_jacobian(x)
+    assert problem.objective(x) == pytest.approx(r @ r / 2)
+    assert np.linalg.norm(r) == pytest.approx(residual)
+    assert np.abs(J.T @ r).max() <= 1e-13 * residual
+    t = np.linspace(0, 6, 60)  # the derivatives written out
+    a, g, w, p = x[:4]
+    motion = a * np.exp(-g * t)
+    first = [motion * np.cos(w * t + p) / a, -t * motion * np.cos(w * t + p)]
+    first += [-t * motion * np.sin(w * t + p), -motion * np.sin(w * t + p)]
+    np.testing.assert_allclose(J[:, :4], np.array(first).T, atol=1e-14)
+    lowest = np.linalg.eigvalsh(hessian(problem, x).toarray())
+    assert problem.index_star == np.sum(lowest < 0) == (residual > largest_residual(problem))
+
+
+def test_a_fit_in_scipys_clothes():
+    problem = suite.model("decaying_oscillations", residual=0.5)
+    found = least_squares(x0=problem.start(), **least_squares_arguments(problem), xtol=1e-12)
+    assert problem.distance(found.x) < 1e-6
+    assert problem.classification.startswith("SU")
+    with pytest.raises(ValueError, match="expected a sum of squares"):
+        least_squares_arguments(suite.model("bump_too_high"))
+    with pytest.raises(ValueError, match="which has no residuals"):
+        suite.model("brachistochrone").residuals(np.zeros(6))
+
+
+# -- small -----------------------------------------------------------------------------------
+
+
+def test_layers_of_a_brachistochrone_tend_to_the_cycloid():
+    angle = 2.6  # (angle - sin) / (1 - cos) is the width, at depth 1; the time angle sqrt(radius)
+    width = (angle - np.sin(angle)) / (1 - np.cos(angle))
+    least = angle / np.sqrt(1 - np.cos(angle))
+    times = [suite.model("brachistochrone", points=k, width=width).f_star for k in (5, 10, 20)]
+    assert times[0] > times[1] > times[2] > least
+    assert times[2] == pytest.approx(least, rel=2e-2)
+
+
+def test_amplitudes_of_an_oscillator_tend_to_its_action():
+    T = 3.0
+    exact = ((1 + 0.25) * np.cos(T) - 2 * 0.5) / (2 * np.sin(T))
+    few, many = (suite.model("ritz_oscillator", amplitudes=k).f_star for k in (5, 20))
+    assert few > many > exact and many == pytest.approx(exact, abs=1e-3)
+    with pytest.raises(ValueError, match="expected a duration below pi"):
+        suite.model("ritz_oscillator", duration=4.0)
+
+
+def test_throws_of_masses_hit_where_another_integrator_has_them():
+    problem = suite.model("shooting", masses=3, tolerance=1e-10)
+    springs = [[2, -1, 0], [-1, 2, -1], [0, -1, 2]]
+    end = solve_ivp(
+        lambda t, y: [*y[3:], *(-np.array(springs) @ y[:3])],
+        (0, 1),
+        [0, 0, 0, *problem.x_star],
+        rtol=1e-11,
+        atol=1e-11,
+    ).y[:3, -1]
+    np.testing.assert_allclose(end, np.cos([0, 1, 2]), atol=1e-8)
+    assert problem.objective(problem.x_star) < 1e-14
+
+
+def test_tolerance_is_the_noise_of_a_throw():
+    x = suite.model("shooting").x_star + 0.01
+    smooth = suite.model("shooting", tolerance=1e-13).objective(x)
+    noise = [abs(suite.model("shooting", tolerance=e).objective(x) - smooth) for e in (1e-9, 1e-3)]
+    assert 0 < noise[0] < 1e-9 < 1e-6 < noise[1] < 1e-3
+
+
+def test_values_alone_are_given_where_there_are_no_derivatives(tmp_path):
+    mine = tmp_path / "mine.py"
+    mine.write_text("def solve(p, x0):\n    assert not hasattr(p, 'gradient')\n    return x0")
+    found = {
+        name: evaluate(Cell(name, "shooting"))
+        for name in (f"{mine}:solve", "ipopt", "scipy:BFGS", "scipy:COBYQA")
+    }
+    assert [r["outcome"] for r in found.values()] == ["answered", "absent", "absent", "answered"]
+    assert verdict(found["scipy:COBYQA"], "minimise") == "right"
+    with pytest.raises(ValueError, match="shooting has no derivatives"):
+        suite.model("shooting").gradient(np.zeros(4))

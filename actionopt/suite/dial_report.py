@@ -70,11 +70,12 @@ def _dial(dial: Dial, records: Records, folder: Path) -> str:
             )
     found = {(dial.value(r), r["solver"]): _cell(r) for r in mine}
     rows = [[f"{v:g}", *(found.get((v, s), "") for s in solvers)] for v in dial.values]
+    mesh = f"{dial.elements} elements of degree {dial.degree}, " if dial.elements else ""
     return "\n".join(
         [
             f"<h2>{escape(dial.name.capitalize())}</h2>",
-            f"<p>{escape(dial.family)}, {dial.elements} elements of degree {dial.degree}, from "
-            f"{dial.start!r}: {escape(dial.parameter)} sets {escape(dial.shows)}.</p>",
+            f"<p>{escape(dial.family)}, {mesh}from {dial.start!r}: {escape(dial.parameter)} sets "
+            f"{escape(dial.shows)}.</p>",
             _figure(curves, folder, dial) if any(curves.values()) else "",
             table([dial.parameter, *solvers], rows),
         ]

@@ -23,8 +23,8 @@ class Dial:
         What it is called, whose it is, and the parameter's name.
     values : tuple
         From easy to hard.
-    elements, degree : int
-        One mesh for all of them.
+    elements, degree : int or None
+        One mesh for all of them; None of a model, which has its own.
     start : str
         One starting point.
     shows : str
@@ -35,8 +35,8 @@ class Dial:
     family: str
     parameter: str
     values: tuple[float, ...]
-    elements: int
-    degree: int
+    elements: int | None
+    degree: int | None
     start: str
     shows: str
 
@@ -158,6 +158,32 @@ DIALS = {
             4,
             "straight",
             "how many discs are in the way; each may be passed on either side",
+        ),
+        *(
+            Dial(name, model, parameter, values, None, None, "own", shows)
+            for name, model, parameter, values, shows in (
+                (
+                    "missing",
+                    "chain_too_short",
+                    "missing",
+                    (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001),
+                    "by how much it is infeasible: the less, the harder to see",
+                ),
+                (
+                    "residual",
+                    "decaying_oscillations",
+                    "residual",
+                    (0.0, 0.1, 1.0, 5.0, 20.0, 30.0, 35.0),
+                    "the term of the Hessian that Gauss leaves out; at 36.1 x* is no minimum",
+                ),
+                (
+                    "noise",
+                    "shooting",
+                    "tolerance",
+                    (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3),
+                    "the tolerance of the integrator, below which f is not smooth",
+                ),
+            )
         ),
     )
 }

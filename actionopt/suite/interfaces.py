@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from actionopt.suite.cutest import Cutest
+from actionopt.suite.models.expressions import WrittenProgram
 from actionopt.suite.optiprofiler import actionopt_load, actionopt_select
 from actionopt.suite.program import Program
 from actionopt.suite.sparse import hessian, jacobian
@@ -20,6 +21,7 @@ __all__ = [
     "cyipopt_arguments",
     "hessian",
     "jacobian",
+    "least_squares_arguments",
     "nlopt_problem",
     "scipy_arguments",
 ]
@@ -40,6 +42,8 @@ def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
     there are some.
     """
     check_method(method)
+    if not problem.smooth and method not in DERIVATIVE_FREE:
+        raise ValueError(f"expected a method that uses no derivatives, found {method!r}")
     given: dict[str, Any] = {"method": method, "fun": problem.objective}
     if method not in DERIVATIVE_FREE:
         given["jac"] = problem.gradient
@@ -56,6 +60,17 @@ def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
     if problem.m:
         given["constraints"] = _scipy_constraints(problem, method)
     return given
+
+
+def least_squares_arguments(problem: WrittenProgram) -> dict[str, Any]:
+    """Return keywords for `scipy.optimize.least_squares`, but for x0.
+
+    Raises ValueError where f is no sum of squares, and where there are constraints.
+    """
+    if problem.r is None or problem.m:
+        raise ValueError(f"expected a sum of squares without constraints, found {problem.name}")
+    functions = {"fun": problem.residuals, "jac": problem.residual_jacobian}
+    return {**functions, "bounds": problem.bounds}
 
 
 def check_method(method: str) -> None:

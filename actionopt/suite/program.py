@@ -19,6 +19,11 @@ from numpy.typing import NDArray
 
 from actionopt.tools.types import Array, NDInt
 
+GIVEN_FUNCTIONS = (
+    *("objective", "gradient", "constraints"),
+    *("jacobian", "hessian", "hessian_product"),
+)
+
 
 class Program(ABC):
     """A nonlinear program: functions of x (n,), all counted.
@@ -29,7 +34,7 @@ class Program(ABC):
     Attributes
     ----------
     counts : Counter
-        Evaluations by name: f, grad, c, jac, hess, hprod.
+        Evaluations by name: f, grad, c, jac, hess, hprod; r and rjac of residuals.
     visited : list of (n,) arrays, or None
         Where f was evaluated, in this order, if it is to be kept: set it to [].
     """
@@ -77,8 +82,9 @@ class Program(ABC):
     def classification(self) -> str:
         """The class in the manner of CUTEst, as "QUR2-MN-31-0".
 
-        Objective Quadratic or Other; constraints Unconstrained (none), Bounds alone, Linear,
-        Quadratic or Other; Regular, with second derivatives; a Model; No internal variables; n, m.
+        Objective Linear, Quadratic, a Sum of squares or Other; constraints Unconstrained (none),
+        Bounds alone, Linear, Quadratic or Other; Regular, with second derivatives; a Model; No
+        internal variables; n, m.
         """
 
     @property
@@ -114,6 +120,16 @@ class Program(ABC):
     @abstractmethod
     def expression(self) -> tuple[Any, Any, Any]:
         """Return x, f and c as expressions of CasADi's."""
+
+    @property
+    def functions(self) -> tuple[str, ...]:
+        """Names of the functions that a solver is given."""
+        return GIVEN_FUNCTIONS
+
+    @property
+    def smooth(self) -> bool:
+        """Whether there are derivatives."""
+        return True
 
     @property
     def nnz_jacobian(self) -> int:
@@ -183,15 +199,15 @@ class Program(ABC):
     # What is not counted.
     # fmt: off
     @abstractmethod
-    def _objective(self, x: Array) -> float: ...
+    def _objective(self, x: Array, /) -> float: ...
     @abstractmethod
-    def _gradient(self, x: Array) -> Array: ...
+    def _gradient(self, x: Array, /) -> Array: ...
     @abstractmethod
-    def _constraints(self, x: Array) -> Array: ...
+    def _constraints(self, x: Array, /) -> Array: ...
     @abstractmethod
-    def _jacobian(self, x: Array) -> Array: ...
+    def _jacobian(self, x: Array, /) -> Array: ...
     @abstractmethod
-    def _hessian(self, x: Array, lam: Array | None, factor: float) -> Array: ...
+    def _hessian(self, x: Array, lam: Array | None, factor: float, /) -> Array: ...
     # fmt: on
 
 
@@ -199,7 +215,6 @@ GIVEN = (
     "n m classification has_bounds inequalities bounds constraint_bounds linear_rows nnz_jacobian "
     "nnz_hessian jacobian_structure hessian_structure"
 ).split()
-GIVEN_FUNCTIONS = "objective gradient constraints jacobian hessian hessian_product".split()
 
 
 class Given:
@@ -211,7 +226,7 @@ class Given:
     def __init__(self, program: Program) -> None:
         for name in GIVEN:
             setattr(self, name, copy.deepcopy(getattr(program, name)))
-        for name in GIVEN_FUNCTIONS:
+        for name in program.functions:
             setattr(self, name, _alone(getattr(program, name)))
 
 

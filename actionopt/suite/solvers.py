@@ -262,6 +262,8 @@ def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> SolverResul
     """
     check(name)
     base, _, rest = name.partition(":")
+    if not problem.smooth and (base in ("asl", "cyipopt", *PLUGINS) or rest[:3] == "LD_"):
+        raise Absent(f"{problem.name} has no derivatives, which {name} needs")
     if base == "asl":
         with TemporaryDirectory() as folder:
             return _repeat(_asl(rest, Path(folder)), problem, x0, repeats)

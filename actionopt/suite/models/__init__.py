@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from actionopt.suite.models import infeasible
+from actionopt.suite.models import fits, floors, infeasible, small
 from actionopt.suite.models.model import Model
 
 MODELS: dict[str, Callable[..., Model]] = {
@@ -17,5 +17,10 @@ MODELS: dict[str, Callable[..., Model]] = {
         infeasible.chain_too_short,
         infeasible.bump_too_high,
         infeasible.arm_in_disc,
+        floors.string_above_floor,
+        fits.decaying_oscillations,
+        small.brachistochrone,
+        small.ritz_oscillator,
+        small.shooting,
     )
 }

@@ -35,6 +35,8 @@ class WrittenProgram(Program):
         Size of the unknowns.
     names : sequence of str, optional
         Of the unknowns; "x[0]" ... by default.
+    residuals : casadi.SX, optional
+        Of a sum of squares, f = r'r / 2: (k, 1).
     """
 
     def __init__(
@@ -48,9 +50,10 @@ class WrittenProgram(Program):
         rows: Sides = (0.0, 0.0),
         unit: float | Array = 1.0,
         names: Sequence[str] = (),
+        residuals: ca.SX | None = None,
     ) -> None:
-        super().__init__()
-        self.x, self.f = x, f
+        Program.__init__(self)
+        self.x, self.f, self.r = x, f, residuals
         self.c = ca.densify(c) if c is not None else ca.SX(0, 1)
         self._name, self._names = name, names
         self._bounds = _spread(bounds, x.numel())
@@ -68,6 +71,7 @@ class WrittenProgram(Program):
             rows=self._rows,
             unit=self._unit,
             names=self._names,
+            residuals=self.r,
         )
 
     # -- what it is --------------------------------------------------------------------------
@@ -104,6 +108,7 @@ class WrittenProgram(Program):
         objective = "L" if not ca.depends_on(slopes, self.x) else "O"
         if objective == "O" and not ca.depends_on(ca.jacobian(slopes, self.x), self.x):
             objective = "Q"
+        objective = objective if self.r is None else "S"
         kind = "B" if self.has_bounds else "U"
         if self.m:
             rows = ca.jacobian(self.c, self.x).nz[:]
@@ -146,11 +151,35 @@ class WrittenProgram(Program):
         """Rows and columns of the nonzeros of the Hessian's upper triangle, by columns."""
         return _places(self._hessian_function.sparsity_out(0))
 
+    @property
+    def functions(self) -> tuple[str, ...]:
+        """Names of the functions that a solver is given."""
+        return super().functions + (() if self.r is None else ("residuals", "residual_jacobian"))
+
     def expression(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Return x, f and c."""
         return self.x, self.f, self.c
 
     # -- functions ---------------------------------------------------------------------------
+
+    def residuals(self, x: Array) -> Array:
+        """Return r(x), (k,), where f = r'r / 2."""
+        self.counts["r"] += 1
+        return np.array(self._residual_functions[0](x)).ravel()
+
+    def residual_jacobian(self, x: Array) -> Array:
+        """Return dr/dx, (k, n)."""
+        self.counts["rjac"] += 1
+        return np.array(ca.densify(self._residual_functions[1](x)))
+
+    @cached_property
+    def _residual_functions(self) -> tuple[ca.Function, ca.Function]:
+        if self.r is None:
+            raise ValueError(
+                f"expected a sum of squares, found {self.name}, which has no residuals"
+            )
+        slopes = ca.jacobian(self.r, self.x)
+        return ca.Function("r", [self.x], [self.r]), ca.Function("slopes", [self.x], [slopes])
 
     @cached_property
     def _slopes(self) -> ca.SX:

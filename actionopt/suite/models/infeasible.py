@@ -12,12 +12,12 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from actionopt.suite.models.model import KnownAnswer, Model
+from actionopt.suite.models.model import KnownAnswer, WrittenModel
 
 NOTHING_FEASIBLE = ("infeasible",)
 
 
-def chain_too_short(*, links: int = 10, missing: float = 0.1) -> Model:
+def chain_too_short(*, links: int = 10, missing: float = 0.1) -> WrittenModel:
     """Return a hanging chain that is too short for its two hooks, by `missing` of its length.
 
     A row is half of a link's square less what it ought to be. The mean of the squares is at least
@@ -38,7 +38,7 @@ def chain_too_short(*, links: int = 10, missing: float = 0.1) -> Model:
         return KnownAnswer(straight, np.ones(links), how, least=least)
 
     arc = np.stack([even, -np.sin(np.pi * even / (1 + missing)) / 4], axis=1).ravel()
-    return Model(
+    return WrittenModel(
         "chain_too_short",
         x,
         ca.sum1(x[1::2]) / links,
@@ -50,7 +50,7 @@ def chain_too_short(*, links: int = 10, missing: float = 0.1) -> Model:
     )
 
 
-def bump_too_high(*, elements: int = 20, missing: float = 0.1) -> Model:
+def bump_too_high(*, elements: int = 20, missing: float = 0.1) -> WrittenModel:
     """Return a taut string of slopes at most 1 over a bump, too high for it by `missing`.
 
     Rows are slopes, and heights above a bump in the middle: y adds all slopes from an end up to it.
@@ -76,7 +76,7 @@ def bump_too_high(*, elements: int = 20, missing: float = 0.1) -> Model:
         shape = np.minimum(t / half, (elements - t) / (elements - half)) * high
         return KnownAnswer(shape, y, "closed form: Farkas' lemma", least=0.0)
 
-    return Model(
+    return WrittenModel(
         "bump_too_high",
         x,
         ca.sumsqr(slopes) / (2 * elements),
@@ -88,7 +88,7 @@ def bump_too_high(*, elements: int = 20, missing: float = 0.1) -> Model:
     )
 
 
-def arm_in_disc(*, links: int = 6, missing: float = 0.1) -> Model:
+def arm_in_disc(*, links: int = 6, missing: float = 0.1) -> WrittenModel:
     """Return an arm of links, held in the middle of a disc of radius 1, whose hand is to leave it.
 
     Its links are too short for that by `missing`. The hand is nowhere farther from the middle than
@@ -104,7 +104,7 @@ def arm_in_disc(*, links: int = 6, missing: float = 0.1) -> Model:
         return KnownAnswer(np.zeros(links), np.array([-1.0]), how, least=least)
 
     turning = np.arange(links) * 0.7
-    return Model(
+    return WrittenModel(
         "arm_in_disc",
         angles,
         ca.sumsqr(angles[1:] - angles[:-1]) + angles[0] ** 2,

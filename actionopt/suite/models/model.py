@@ -45,39 +45,25 @@ class KnownAnswer:
     __repr__ = one_line
 
 
-class Model(WrittenProgram, Member):
-    """A model of mechanics as a nonlinear program, with its answer.
+class Model(Member):
+    """A member with one starting point, whose answer is made when it is first asked for.
 
     Parameters
     ----------
-    name, x, f, c, named
-        As of `WrittenProgram`.
     start : (n,) array
-        Where to begin.
     answer : callable
-        Returns the `KnownAnswer`; it is called once, when it is first asked for.
+        Returns the `KnownAnswer`; it is called once.
     tags : tuple of str
-        What is special about it.
     """
 
     def __init__(
-        self,
-        name: str,
-        x: ca.SX,
-        f: ca.SX,
-        c: ca.SX | None = None,
-        *,
-        start: Array,
-        answer: Callable[[], KnownAnswer],
-        tags: tuple[str, ...] = (),
-        **named: Any,
+        self, *, start: Array, answer: Callable[[], KnownAnswer], tags: tuple[str, ...] = ()
     ) -> None:
-        super().__init__(name, x, f, c, **named)
         self._start, self._answer, self._tags = start, answer, tags
 
     def __repr__(self) -> str:
         """Show the name, the class and the size."""
-        return f"Model({self.name}, {self.classification})"
+        return f"{type(self).__name__}({self.name}, {self.classification})"
 
     @property
     def tags(self) -> tuple[str, ...]:
@@ -194,3 +180,30 @@ class Model(WrittenProgram, Member):
             c, (low, high) = self._constraints(x), self.constraint_bounds
             outside += [low - c, c - high]
         return float(np.max(np.concatenate(outside)))
+
+
+class WrittenModel(Model, WrittenProgram):
+    """A model of mechanics as a nonlinear program, with its answer.
+
+    Parameters
+    ----------
+    name, x, f, c, written
+        As of `WrittenProgram`.
+    start, answer, tags
+        As of `Model`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        x: ca.SX,
+        f: ca.SX,
+        c: ca.SX | None = None,
+        *,
+        start: Array,
+        answer: Callable[[], KnownAnswer],
+        tags: tuple[str, ...] = (),
+        **written: Any,
+    ) -> None:
+        Model.__init__(self, start=start, answer=answer, tags=tags)
+        WrittenProgram.__init__(self, name, x, f, c, **written)
