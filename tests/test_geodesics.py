@@ -114,6 +114,19 @@ def test_the_two_ways_around_a_sphere():
     assert abs(point.t * long.length - np.pi) < 1e-8
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "theta, other, phi", [(1.05, 0.6, 3.2), (1.05, 0.6, 3.3), (2.337, 1.924, 3.376)]
+)
+def test_the_long_way_that_passes_near_a_pole_is_found(theta, other, phi):
+    """There the angle turns by half a circle; the short one passes the other pole."""
+    ball = ao.System.geodesic(sphere, ["theta", "phi"])
+    found = ao.solve(ao.Problem(ball, ao.Event(0, [theta, 0.0]), ao.Event(1, [other, phi])))
+    beeline = np.cos(theta) * np.cos(other) + np.sin(theta) * np.sin(other) * np.cos(phi)
+    assert found.length == pytest.approx(2 * np.pi - np.arccos(beeline), abs=1e-7)
+    assert found.morse_index == 1
+
+
 def test_a_length_survives_a_file(tmp_path):
     ball = ao.System.geodesic(sphere, ["theta", "phi"])
     solution = ao.solve(ao.Problem(ball, ao.Event(0, [1, 0]), ao.Event(1, [1.5, 1])))

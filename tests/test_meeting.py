@@ -7,7 +7,7 @@ from helpers import same_bits
 
 from actionopt import Event, Problem, System
 from actionopt.analysis.shooting import about, integrate
-from actionopt.solver.two_sided_shooting import MOST_PAIRS, join_motions, meetings, nearest
+from actionopt.solver.two_sided_shooting import MOST_PAIRS, hits, join_motions, meetings, nearest
 
 OSCILLATOR = systems.oscillator("x y")
 PENDULUM = systems.pendulum("angle")
@@ -100,7 +100,19 @@ def test_the_best_is_nearly_a_motion_and_the_same_each_time():
 def test_a_motion_that_nothing_can_start_gives_no_guess():
     frozen = System(lambda q, v, t: v[0] ** 2 / 2 + v[1] * q[0] - q[1] ** 2, ["x", "y"])
     problem = Problem(frozen, Event(0.0, [0.0, 0.0]), Event(1.0, [1.0, 0.0]))
-    assert list(meetings(problem, 16, 4)) == []
+    assert list(meetings(problem, 16, 4)) == [] == list(hits(problem))
+
+
+def test_what_hits_the_end_is_a_motion_to_there():
+    problem = Problem(PENDULUM, Event(0.0, [0.4]), Event(9.0, [-0.7]))
+    found = list(hits(problem))
+    speeds = [abs(path.velocity(0.0)[0]) for path in found]
+    assert found and speeds == sorted(speeds)
+    t = np.linspace(0, 9, 50)
+    for path in found:
+        assert abs(path(9.0)[0] + 0.7) < 2e-3 and path(0.0)[0] == pytest.approx(0.4, abs=1e-12)
+        energy = path.velocity(t)[0] ** 2 / 2 - np.cos(path(t)[0])
+        assert np.ptp(energy) < 0.05 * np.ptp(path.velocity(t)[0] ** 2)
 
 
 def test_velocities_about_the_straight_line_reach_what_the_force_asks_for():

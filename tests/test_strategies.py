@@ -21,6 +21,7 @@ from actionopt.solver.strategies import (
     STRATEGIES,
     Root,
     Search,
+    Strategy,
     TwoSidedShooting,
 )
 from actionopt.solver.workspace import Workspace
@@ -275,10 +276,54 @@ def test_few_motions_that_meet_are_refined_where_none_can_be(monkeypatch):
 
     mesh = ao.Mesh.uniform(scene.problem.start.t, scene.problem.end.t, 4, 8)
     guess = Path.interpolate(scene.exact, mesh)
-    monkeypatch.setattr("actionopt.solver.strategies.meetings", lambda *_: iter([guess] * 9))
+    groups = [iter([guess] * 9), iter([guess] * 2)]
+    monkeypatch.setattr("actionopt.solver.strategies.curves", lambda *_: iter(groups))
     monkeypatch.setattr(Search, "refine", unresolved)
     assert TwoSidedShooting("meeting", (8, 16)).attempt(search) is ao.Status.NOT_FOUND
-    assert len(refined) == MEETING_LOST
+    assert len(refined) == MEETING_LOST + 2
+
+
+class Told(Strategy):
+    """A way that comes to what it is told: a least path that is lost, a saddle, or nothing."""
+
+    def __init__(self, name, found=None, least=False):
+        super().__init__(name, ())
+        vars(self).update(found=found, minimises=least)
+
+    def attempt(self, search):
+        if self.found == "saddle":
+            search.saddle = self.name, None
+        if self.found == "lost":
+            search.lost.append((True, None))
+            return ao.Status.UNRESOLVED
+        return ao.Status.NOT_FOUND
+
+
+def told(*ways, monkeypatch):
+    """Return the names of the ways in the order in which they are tried."""
+    search = search_for(scenes.get("pendulum").problem)
+    search.may_be_least = True
+
+    def lose(search):
+        search.tried.append("refine")
+        search.saddle = None
+        return ao.Status.UNRESOLVED
+
+    monkeypatch.setattr(Search, "_refine_saddle", lose)
+    assert not search._try(tuple(Told(*way) for way in ways)).success
+    return search.tried
+
+
+def test_once_a_least_path_is_lost_others_that_minimise_come_last(monkeypatch):
+    ways = ("a", "lost", True), ("b", None, True), ("c", None)
+    assert told(*ways, monkeypatch=monkeypatch) == ["a", "c", "b"]
+    ways = ("a", None, True), ("b", None, True), ("c", None)
+    assert told(*ways, monkeypatch=monkeypatch) == ["a", "b", "c"]
+
+
+def test_a_saddle_that_cannot_be_refined_keeps_no_way_from_being_tried(monkeypatch):
+    ways = ("a", "lost", True), ("b", "saddle"), ("c", None, True), ("d", None)
+    assert told(*ways, monkeypatch=monkeypatch) == ["a", "b", "refine", "d", "c"]
 
 
 def test_where_no_way_applies_the_verdict_is_said_of_the_straight_line():

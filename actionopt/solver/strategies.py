@@ -35,7 +35,7 @@ from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
-from actionopt.solver.two_sided_shooting import meetings
+from actionopt.solver.two_sided_shooting import curves
 from actionopt.solver.window import graded_mesh, step
 from actionopt.solver.workspace import FEW_COORDINATES, FOLLOWED_REACH, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime, Watch
@@ -47,8 +47,7 @@ REACHED = (Status.SOLVED, Status.FLOOR)
 # less than 3000 (28 of 270 random systems and pendulums of 1 to 20 coordinates, at most 12,000; of
 # 650 others of up to 4 coordinates four took from 15,800 to 18,300, and none more of 350 that were
 # given 60,000).
-# The motions of a meeting count MOTION each, by their time.
-BUDGET, EXPENSIVE, MOTION = 20_000, 500, 4
+BUDGET, EXPENSIVE = 20_000, 500
 # Ad hoc, where nothing else is said.
 # Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line, and a
 # few hundred motions are many.
@@ -61,8 +60,8 @@ CURVED_HEIGHT = 0.4
 LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again
 # Motions that meet: pairs that are tried, and elements of one that takes too long.
 MEETING_PAIRS, MEETING_ELEMENTS = 32, 48
-# Paths so found that cannot be refined, after which others are not tried: measured, over random
-# systems and pendulums, it is the first that can be, or none.
+# Paths so found that cannot be refined, after which no others found alike are tried: measured, over
+# random systems and pendulums, it is the first that can be, or none.
 MEETING_LOST = 3
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
@@ -233,7 +232,7 @@ class ComponentNewton(Strategy):
 
 
 class TwoSidedShooting(Strategy):
-    """Motions from both events that nearly meet half way; `meshes` are their numbers.
+    """Motions that hit the end, and some from both that nearly meet half way; so many as `meshes`.
 
     They are near a path however far that is from the line, and in less time than a homotopy takes
     on fine meshes.
@@ -260,16 +259,14 @@ class TwoSidedShooting(Strategy):
 
     def _refine_first(self, search: Search) -> Status:
         """Refine the first of the curves that Newton's method takes to a path."""
-        ws, problem, lost = search.ws, search.ws.problem, 0
-        for seed, count in enumerate(self.meshes):
-            if ws.watch is not None:
-                ws.watch.evaluated += MOTION * count
-            left, elements = MEETING_PAIRS * IPOPT_SIZE, MEETING_ELEMENTS + 1
-            for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch and ws.watch.look):
+        ws = search.ws
+        for guesses in curves(ws.problem, self.meshes, MEETING_PAIRS, ws.watch):
+            left, elements, lost = MEETING_PAIRS * IPOPT_SIZE, [], 0
+            for guess in guesses:
                 ws.restart()
                 ws.record.rounds.clear()
                 ws.transcribe(guess.mesh, guess, like=guess)
-                elements = min(elements, guess.mesh.elements)
+                elements.append(guess.mesh.elements)
                 left -= max(ws.here.tr.layout.size, IPOPT_SIZE)
                 if ws.approach(PATIENT):
                     saddle = search.may_be_least and ws.here.index > 0
@@ -282,11 +279,9 @@ class TwoSidedShooting(Strategy):
                     if ws.unbalance:
                         return status
                     lost += 1
-                    if lost == MEETING_LOST:
-                        return Status.NOT_FOUND
-                if left < 0:
+                if left < 0 or lost == MEETING_LOST:
                     break
-            if elements > MEETING_ELEMENTS:
+            if min(elements, default=0) > MEETING_ELEMENTS:
                 break  # more of these would take too long
         return Status.NOT_FOUND
 
@@ -427,14 +422,18 @@ class Search:
         return self.ws.problem.system.n * COARSE_DEGREE * COARSE_ELEMENTS > IPOPT_SIZE
 
     def _try(self, strategies: tuple[Strategy, ...]) -> Status:
-        """Try the strategies in turn until one leads to a path that can be refined."""
-        status, large = Status.NOT_FOUND, self._large
+        """Try the strategies in turn until one leads to a path that can be refined.
+
+        Where that is a saddle, and it cannot, those are tried that it made needless.
+        """
+        status, large, left = Status.NOT_FOUND, self._large, list(strategies)
         for strategy in self._in_order(
             sorted(strategies, key=lambda strategy: large and strategy.lengthy)
         ):
             try:
                 if not strategy.applies(self):  # which may take second derivatives
                     continue
+                left.remove(strategy)
                 if strategy.cost >= EXPENSIVE:
                     self._limit(strategy.cost)
                 self.begin(strategy.name, strategy.minimises)
@@ -456,7 +455,10 @@ class Search:
                 status = self._refine_saddle()
             if status not in (Status.NOT_FOUND, Status.UNRESOLVED) or self.ws.unbalance:
                 return status
-        return self._refine_saddle() if self.principle == "auto" else status
+        if self.saddle is None or self.principle != "auto":
+            return status
+        status = self._refine_saddle()
+        return self._try(tuple(left)) if status in UNSOLVED else status
 
     def _limit(self, cost: int) -> None:
         """Let what is tried from now on cost no more than `BUDGET`, where ways have a cost.
@@ -483,13 +485,21 @@ class Search:
         return spent
 
     def _in_order(self, strategies: Iterable[Strategy]) -> Iterator[Strategy]:
-        """Yield the strategies in turn, last those that the time left does not allow for."""
-        watch, expensive = self.ws.watch, []
+        """Yield the strategies in turn, last those that the time left does not allow for.
+
+        Before these others that minimise once a least path was lost, as it will be again, unless a
+        saddle is in hand by then.
+        """
+        watch, again, expensive = self.ws.watch, [], []
         for strategy in strategies:
-            if watch is None or watch.affords(strategy.cost):
-                yield strategy
-            else:
+            if watch is not None and not watch.affords(strategy.cost):
                 expensive.append(strategy)
+            elif strategy.minimises and any(least for least, _ in self.lost):
+                again.append(strategy)
+            else:
+                yield strategy
+        if self.saddle is None or self.principle != "auto":
+            yield from again
         yield from expensive
 
     def _refine_saddle(self) -> Status:

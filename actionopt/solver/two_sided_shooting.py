@@ -1,4 +1,4 @@
-"""Guesses for a path: motions that set out from both events and nearly meet half way.
+"""Guesses for a path: motions that hit the end, or set out from both events and nearly meet.
 
 Of a motion over a long time the end depends steeply on the start, and hardly any of many arrives
 near an event. Over half the time the dependence is the square root of that, and N motions from the
@@ -10,21 +10,71 @@ has the oscillations that a path has, which no straight or curved line does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
-from actionopt.analysis.shooting import GUESS_DEGREE, about, hermite, integrate, speeds, velocities
+from actionopt.analysis.shooting import (
+    AIMS,
+    GUESS_DEGREE,
+    about,
+    aim,
+    hermite,
+    integrate,
+    motions,
+    speeds,
+    velocities,
+)
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
+from actionopt.tools.watch import Watch
 
 # Ad hoc. Errors of one step, and most steps, to choose pairs by and to draw them.
 CHOOSING, DRAWING = (1e-3, 300), (1e-4, 400)
 STEPS_PER_ELEMENT = 3  # as in `shooting.motions`
 MOST_PAIRS = 2  # in which one motion may take part: its likes in a third fail alike
 CANDIDATES = 20_000  # nearest pairs among which to choose
+HITS, MOTION = 36, 4  # motions that are aimed; elements in whose time one is integrated, measured
+
+
+def curves(
+    problem: Problem, counts: Sequence[int], most: int, watch: Watch | None
+) -> Iterator[Iterator[Path]]:
+    """Yield groups of curves between the events: `meetings` of few motions, `hits`, and of more.
+
+    Each of at most `most` meetings; to a `watch` each motion counts as `MOTION` elements.
+    """
+    look = watch and watch.look
+    groups: list[tuple[int, Callable[[], Iterator[Path]]]] = [
+        (count, partial(meetings, problem, count, most, seed, look))
+        for seed, count in enumerate(counts)
+    ]
+    aims = HITS * (problem.system.n + 1) * AIMS // 2  # most have hit half way, or are lost
+    groups.insert(1, (aims, partial(hits, problem)))
+    for count, group in groups:
+        if watch is not None:
+            watch.evaluated += MOTION * count
+        yield group()
+
+
+def hits(problem: Problem) -> Iterator[Path]:
+    """Yield motions from the start that end at the end: each is aimed by itself; slow ones first.
+
+    By Newton's method on its velocity, from where it need not come near any other: what is met half
+    way may all be on one side of a pole.
+    """
+    end = np.array(problem.end.q, dtype=float)
+    far = end - np.array(problem.start.q, dtype=float)
+    try:
+        v0 = velocities(problem, far, HITS, np.random.default_rng(0))
+    except np.linalg.LinAlgError:  # a singular mass matrix sets nothing in motion
+        return
+    v0, _ = aim(problem, v0, np.repeat(end[:, None], v0.shape[1], axis=1))
+    slow = np.argsort(np.linalg.norm(v0 / problem.lengths[:, None], axis=0), kind="stable")
+    yield from (path for path in motions(problem, v0[:, slow]) if path is not None)
 
 
 def meetings(
