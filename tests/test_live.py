@@ -370,7 +370,8 @@ def test_arrows_end_to_end(folder, chromium):
     chromium.run("new Promise(requestAnimationFrame)")
     assert chromium.errors == []
     # All but the one motion found, of which there is nothing to choose.
-    seen = "[...document.querySelectorAll('.live button:not(.met *), .live summary')]"
+    which = ".live button:not(.met *, .extra, .extra *), .live summary"
+    seen = f"[...document.querySelectorAll('{which}')]"
     assert chromium.run(f"{seen}.every(e => e.offsetParent !== null)")  # the way back
     for T, turned in ((2.5, 45), (4.0, -45)):
         chromium.run(f"document.querySelector('.live').live.setDuration({T})")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from actionopt import plot
+from actionopt.gallery.compact import compact
 from actionopt.gallery.page import escape, typeset
 from actionopt.gallery.subject import Subject, span
 from actionopt.plot.data.fan import is_aligned
@@ -19,6 +21,7 @@ Rule = tuple[Callable[[Subject], bool], str | None]  # None for a figure nobody 
 
 
 ONE_SIZE, BOTH_SIZE = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
+SVG_SHAPE = re.compile(r' viewBox="0 0 ([\d.]+) ([\d.]+)"')
 NARROW_WIDTH = 3.3  # inches: where a phone shows it, 11 points of letters are 15 pixels
 
 
@@ -29,14 +32,13 @@ def cut(size: tuple[float, float]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure drawn: its file's name, SVG and size (inches), and its words.
+    """A figure drawn: its file's name, SVG and its words.
 
     `narrow` is its cut for narrow screens, if it has one.
     """
 
     name: str
     svg: str
-    size: tuple[float, float]
     alt: str
     caption: str
     title: str = ""
@@ -44,7 +46,7 @@ class Figure:
 
     def html(self, folder: str = "") -> str:
         """Return the picture in `folder` and its caption as HTML, the end of a <figure>."""
-        width, height = (round(100 * side) for side in self.size)
+        width, height = SVG_SHAPE.search(self.svg).groups()  # type: ignore[union-attr]
         cut = f'<source media="(max-width: 34rem)" srcset="{folder}{self.name}-narrow.svg">'
         return (
             f'<picture>{cut if self.narrow else ""}<img src="{folder}{self.name}.svg" '
@@ -54,14 +56,14 @@ class Figure:
 
     def files(self, folder: str) -> dict[str, str]:
         """Return its files in `folder`."""
-        cuts = {f"{folder}{self.name}.svg": self.svg}
-        return cuts | ({f"{folder}{self.name}-narrow.svg": self.narrow} if self.narrow else {})
+        cuts = {"": self.svg, "-narrow": self.narrow}
+        return {f"{folder}{self.name}{cut}.svg": compact(svg) for cut, svg in cuts.items() if svg}
 
 
 def one(name: str, draw: Callable[[Any], Any], alt: str, caption: str) -> Figure:
     """Return what `draw` puts on axes, with its narrow cut."""
     wide, narrow = plot.svgs(lambda f: draw(f.subplots()), ONE_SIZE, cut(ONE_SIZE))
-    return Figure(name, wide, ONE_SIZE, alt, caption, narrow=narrow)
+    return Figure(name, wide, alt, caption, narrow=narrow)
 
 
 def pair(
@@ -77,7 +79,7 @@ def pair(
     below = plot.svgs(
         lambda f: draw(list(f.subplots(2, 1))), high, (NARROW_WIDTH, 1.7 * NARROW_WIDTH)
     )
-    return Figure(name, wide, size, alt, caption, narrow=below[1])
+    return Figure(name, wide, alt, caption, narrow=below[1])
 
 
 def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, str]]]:
@@ -162,9 +164,10 @@ def _kind(
 ) -> Callable[[Draw], None]:
     """Make the decorated function a kind of figure, the file of its own name, in a part of pages.
 
-    It draws a subject on an empty matplotlib figure of `size` (inches), and returns its alt text
-    and a caption with its numbers, which the scene's own words on it precede. Subjects to which one
-    of the rules `unless` applies have no such figure.
+    It draws a subject on an empty matplotlib figure of the shape of `size` (inches), as narrow as
+    a phone or a column of three, and returns its alt text and a caption with its numbers, which the
+    scene's own words on it precede. Its titles are left out: the page has its own. Subjects to
+    which one of the rules `unless` applies have no such figure.
     """
 
     def add(draw: Draw) -> None:
@@ -172,11 +175,17 @@ def _kind(
 
         def make(subject: Subject) -> Figure:
             said: list[tuple[str, str]] = []
-            cuts = plot.svgs(lambda figure: said.append(draw(subject, figure)), size, cut(size))
+
+            def draw_untitled(figure: Any) -> None:
+                said.append(draw(subject, figure))
+                for ax in figure.axes:
+                    ax.set_title("")
+
+            svg = plot.svg(draw_untitled, cut(size))
             ((alt, caption),) = said
             own = typeset(say(subject.scene.words.captions.get(name, "")))
             words = " ".join(filter(None, (own, caption)))
-            return Figure(name, cuts[0], size, alt, words, say(title), cuts[1])
+            return Figure(name, svg, alt, words, say(title))
 
         FIGURE_KINDS.append((title, part, unless, make))
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from actionopt.analysis.solution import Solution
+from actionopt.gallery.compact import compact
 from actionopt.gallery.subject import Subject
 from actionopt.plot import Motion, landscape_data, motion, motion_data, svg
 from actionopt.plot._variations import level_lines
@@ -274,4 +275,4 @@ def thumbnail(subject: Subject) -> str:
         for words in [ax.get_legend(), *ax.texts, *scales]:
             words.remove()
 
-    return svg(draw, (2.9, 2.1))
+    return compact(svg(draw, (2.9, 2.1)))

@@ -1,76 +1,81 @@
-"""The index: a card for each scene, in the order of the chapter's sections."""
+"""The index: a card for each scene, by the idea that it shows; to be searched, and told by tags."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from actionopt import scenes
 from actionopt.gallery.page import escape, frame, typeset
+from actionopt.scenes import Scene
 from actionopt.tools.words import say
 
-SECTIONS = {
-    "12.2": (
-        "Calculus of variations",
-        "Of all paths between two events, the motion is one whose action does not change to "
-        "first order.",
+IDEAS: tuple[tuple[str, str, Callable[[Scene], bool]], ...] = (  # the first that holds is a scene's
+    (
+        "Ways, times, areas",
+        "What else is stationary: the time of light and of sliding, lengths, areas.",
+        lambda s: s.measure is not None,
     ),
-    "12.3": (
-        "Equations of motion",
-        "What a Lagrangian gives for particles in potentials, and how drag is added.",
+    (
+        "By way of events",
+        "Reflections, bounces, surfaces: what is not given there is found.",
+        lambda s: bool(s.problem.through),
     ),
-    "12.3.1": (
-        "Coordinates",
-        "Any coordinates will do, moving ones too: the path does not depend on them.",
+    (
+        "The energy is given, the time is found",
+        "How long it takes is a part of the answer.",
+        lambda s: s.problem.asked is not None,
     ),
-    "12.3.2": (
-        "Total time derivatives",
-        "They change the action by a number, and the motion not at all.",
+    (
+        "With friction",
+        "A force beside the Lagrangian: the equations of Lagrange and d'Alembert.",
+        lambda s: s.problem.system.structure.forced,
     ),
-    "12.4": (
-        "Constraints",
-        "Built into the coordinates, or kept by a multiplier that is their force.",
+    (
+        "Constraints push",
+        "What keeps a body on its wire is a force, found with the motion.",
+        lambda s: bool(s.problem.system.m),
     ),
-    "12.5": (
-        "Conserved quantities",
-        "Cyclic coordinates, symmetries, and an energy function that need not be the energy.",
+    (
+        "Driven from outside",
+        "The Lagrangian depends on the time, and H need not be conserved.",
+        lambda s: s.problem.system.structure.depends_on_time,
     ),
-    "": ("Beyond the chapter", "What it leaves out, some of it without a closed form."),
-}
-CHAPTER = re.compile(r"Competitive Physics[^;]*?sections? (\d+\.\d+(?:\.\d+)?)")
+    (
+        "Orbits, and what is conserved",
+        "Several coordinates: cyclic ones, symmetries, coordinates that turn.",
+        lambda s: s.problem.system.n > 1,
+    ),
+    (
+        "One coordinate",
+        "Where to begin: springs, pendulums, a bead on a hoop.",
+        lambda s: True,
+    ),
+)
 
 
-def section(source: str) -> str:
-    """Return the chapter's section that a source cites first, or nothing.
-
-    >>> section("Competitive Physics: Mechanics and Waves (2018), section 12.5.4, p. 646")
-    '12.5'
-    """
-    found = CHAPTER.search(source)
-    if found is None:
-        return ""
-    return max((s for s in SECTIONS if found[1].startswith(s)), key=len)
-
-
-def _with_number(number: str) -> str:
-    return f'<span class="no">{number}</span> ' if number else ""
+def idea(scene: Scene) -> str:
+    """Return the title of the idea under which a scene stands."""
+    return next(title for title, _, holds in IDEAS if holds(scene))
 
 
 def index_page(
     pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, Mapping[str, Any]] = {}
 ) -> str:
     """Return the page for scenes and pages of one's own, and what the manifest has on each."""
-    cards: dict[str, list[str]] = {number: [] for number in SECTIONS}
+    cards: dict[str, list[str]] = {title: [] for title, *_ in reversed(IDEAS)}
+    notes = {title: note for title, note, _ in IDEAS}
+    found: Counter[str] = Counter()
     for name in sorted(pages):
-        scene = scenes.get(name)
-        cards[section(scene.source)].append(_card(name, say(scene.title), pages[name]))
+        scene, about = scenes.get(name), pages[name]
+        found.update(about["tags"])
+        cards[idea(scene)].append(_card(name, say(scene.title), about, say(scene.words.question)))
     body = "\n".join(
-        f"<section><h2>{_with_number(number)}{say(title)}</h2>"
-        f'<p class="section-note">{say(note)}</p>'
-        f'<ul class="cards">{"".join(cards[number])}</ul></section>'
-        for number, (title, note) in SECTIONS.items()
-        if cards[number]
+        f'<section data-group><h2>{say(title)}</h2><p class="section-note">{say(notes[title])}</p>'
+        f'<ul class="cards">{"".join(rows)}</ul></section>'
+        for title, rows in cards.items()
+        if rows
     )
     lead = say(
         "Where a system is at one time and where at another: of all the ways between the two, it "
@@ -85,11 +90,23 @@ def index_page(
 <span>{lessons}</span></p>
 <p class="feature"><strong><a href="least.html">{say("Is it really least?")}</a></strong>
 <span>{story}</span></p></header>
-{_own(own)}{body}
-<p class="source">{say("The sections are those of")} <cite lang="en">Competitive Physics:
-Mechanics and Waves</cite> (2018), 12.</p>"""
-    return frame(
-        say("Gallery"), main, root="", description=say("Stationary action, scene by scene")
+{_finder(found)}{_own(own)}{body}"""
+    about = say("Stationary action, scene by scene")
+    return frame(say("Gallery"), main, root="", description=about, scripts=["find.js"])
+
+
+def _finder(tags: Mapping[str, int]) -> str:
+    """Return a field to search in, and a button for each tag that several pages have."""
+    chips = "".join(
+        f'<button type="button" aria-pressed="false" data-tag="{escape(tag)}">{escape(tag)} '
+        f"<span>{count}</span></button>"
+        for tag, count in sorted(tags.items())
+        if count > 1
+    )
+    nothing = say("No scene has all of this.")
+    return (
+        f'<search class="finder" hidden><label>{say("Search")} <input type="search"></label>'
+        f'<div class="chips">{chips}</div><p role="status" data-none="{nothing}"></p></search>'
     )
 
 
@@ -97,16 +114,20 @@ def _own(pages: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the entries of pages that are no scene's of the catalogue."""
     cards = "".join(_card(name, pages[name]["title"], pages[name]) for name in sorted(pages))
     title = say("Your own")
-    return f'<section><h2>{title}</h2><ul class="cards">{cards}</ul></section>\n' if cards else ""
+    return (
+        f'<section data-group><h2>{title}</h2><ul class="cards">{cards}</ul></section>\n'
+        if cards
+        else ""
+    )
 
 
-def _card(name: str, title: str, about: Mapping[str, Any]) -> str:
+def _card(name: str, title: str, about: Mapping[str, Any], question: str = "") -> str:
     """Return the entry of a page; one of a problem, which nothing draws, has no small picture."""
     words = "".join(f"<li>{escape(tag)}</li>" for tag in about["tags"])
     what = escape(say("The motion at a few equal times, {motion}.", motion=about["motion"]))
     drawn = f'<img src="{name}/thumbnail.svg" alt="{what}" loading="lazy">' * bool(about["motion"])
     return (
-        f'<li class="card">{drawn}'
+        f'<li class="card" data-words="{escape(f"{name} {title} {question}".lower())}">{drawn}'
         f'<h3><a href="{name}/index.html">{typeset(title[0].upper() + title[1:])}</a></h3>'
         f'<ul class="tags">{words}</ul></li>'
     )

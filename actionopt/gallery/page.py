@@ -117,6 +117,12 @@ def _mathematics(text: str) -> str:
     return text
 
 
+def _spoken(cell: str) -> str:
+    """Return what a heading is called that is a formula alone."""
+    alone = re.fullmatch(r'<math[^>]*alttext="([^"]*)".*</math>', cell, re.DOTALL)
+    return f' aria-label="{alone[1]}"' if alone else ""
+
+
 def table(
     caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], *, kind: str = ""
 ) -> str:
@@ -124,7 +130,7 @@ def table(
     first, *others = head
     top = f"<td>{first}</td>" + "".join(f'<th scope="col">{cell}</th>' for cell in others)
     body = "\n".join(
-        f'<tr><th scope="row">{first}</th>'
+        f'<tr><th scope="row"{_spoken(first)}>{first}</th>'
         + "".join(f'<td data-of="{name}">{c}</td>' for name, c in zip(head[1:], cells, strict=True))
         + "</tr>"
         for first, *cells in rows

@@ -123,29 +123,36 @@ def page_of(scene: scenes.Scene, words: Texts, folder: str) -> Page:
 </div>
 {film.film(s)}
 </section>
-{_live(s)}<section><h2>{say("The principle, and the equation of motion")}</h2>
+{_live(s)}<div data-tabs="{say("Parts of the page")}">
+<section><h2 data-tab="{say("Equations")}">{say("The principle, and the equation of motion")}</h2>
 {_principle(s, words)}
 <div class="columns">
 {_parameters(s, words.units)}
 {_events(s)}
 </div>
 </section>
-{_section("Is it stationary? Is it least?", _relaxing(s), drawn[IN_PRINCIPLE])}
-{_section("The motion", "", drawn[IN_MOTION])}
-{_without(without)}
-<section><h2>{say("How well is it known?")}</h2>
-{_known_part(s)}
-{_result_part(s)}
-{_pictures(drawn[IN_CHECK])}
-<details class="program"><summary>{say("The program that found it, and what it printed")}</summary>
+{_section("Is it stationary? Is it least?", "Least?", _relaxing(s), drawn[IN_PRINCIPLE])}
+{_section("The motion", "Motion", "", drawn[IN_MOTION], _without(without))}
+<section><h2 data-tab="{say("Numbers")}">{say("How well is it known?")}</h2>
+<div class="columns even">{_known_part(s)}
+{_result_part(s)}</div>
+</section>
+{_section("The check, and the mesh", "Check", "", drawn[IN_CHECK])}
+<section class="printless"><h2 data-tab="{say("Program")}">{
+        say("The program that found it, and what it printed")
+    }</h2>
 {_code("Program", program)}
 {_code("Output", output)}
-{_system(scene, words)}</details>
-</section>
+{_system(scene, words)}</section>
+</div>
 {_beside(s)}
 </article>"""
     html = frame(
-        title, main, root="../", description=translate(scene.title), scripts=["film.js", *SCRIPTS]
+        title,
+        main,
+        root="../",
+        description=translate(scene.title),
+        scripts=["tabs.js", "film.js", *SCRIPTS],
     )
     files = {f"{folder}index.html": html, f"{folder}thumbnail.svg": film.thumbnail(s)}
     for picture in (picture for part in drawn.values() for picture in part):
@@ -217,10 +224,11 @@ def _live(s: Subject) -> str:
 """
 
 
-def _section(title: str, before: str, drawn: list[Figure]) -> str:
+def _section(title: str, tab: str, before: str, drawn: list[Figure], after: str = "") -> str:
     if not drawn and not before:
-        return ""
-    return f"<section><h2>{say(title)}</h2>\n{_pictures(drawn, before)}</section>"
+        return after
+    heading = f'<h2 data-tab="{say(tab)}">{say(title)}</h2>'
+    return f"<section>{heading}\n{_pictures(drawn, before)}{after}</section>"
 
 
 def _pictures(drawn: list[Figure], before: str = "") -> str:

@@ -42,10 +42,12 @@ def story() -> Page:
             "The ball's path between its two events, with handles at fixed times. Below, the "
             "Lagrangian along the path: the blue area less the vermilion one is the action."
         ),
+        parts=("lagrangian",),
     )
     oscillator = _live(
         "oscillator",
         say("Place of the mass against time. Arrow keys move a handle, with Shift in small steps."),
+        parts=("bend", "wave"),
     )
     arrows = _live(
         "oscillator",
@@ -83,7 +85,7 @@ def _translate(paragraph: re.Match[str]) -> str:
     return paragraph[1] + say(" ".join(paragraph[3].split()))
 
 
-def _live(name: str, caption: str, arrows: bool = False) -> str:
+def _live(name: str, caption: str, arrows: bool = False, parts: Sequence[str] = ()) -> str:
     """Return a scene's path to be bent, its motion seen from the start; or its sum over paths."""
     scene = scenes.get(name)
     solution = solve(scene.problem, tol=1e-10)
@@ -94,6 +96,7 @@ def _live(name: str, caption: str, arrows: bool = False) -> str:
         name=f"{name}_sum" if arrows else name,
         shown=True,
         arrows=arrows,
+        parts=parts,
     )
 
 

@@ -10,6 +10,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_mixed import MixedModeRenderer
 from matplotlib.backends.backend_svg import RendererSVG
@@ -32,9 +33,11 @@ UNBROKEN = re.compile(r"\$[^$]*\$|\s\([^()]{1,8}\)")  # mathematics; a unit afte
 SPARE = 0.75  # of the width: what is left beside labels, ad hoc
 # letters of a legend's entry that leaves room for another, and of a line
 SHORT_ENTRY, LONG_LINE = 16, 40
+FULL_WIDTH = 5.0  # inches: what explains the lines stands below a narrower picture
 LINE_HEIGHT = 0.18  # inches of one
 LETTER = 0.58  # measured: width of one, in parts of its size
 LAYOUTS, EDGE = 4, 0.02  # at most; inches over the edge that are not seen
+SIMPLIFIED = 0.25  # points: what a line may be off for fewer of them
 LONG_DECIMALS = re.compile(r"(\.\d\d)\d+")  # beyond a hundredth of a point
 
 
@@ -56,13 +59,14 @@ def svgs(draw: Callable[[Figure], Any], *sizes: tuple[float, float]) -> list[str
         raise ValueError(
             f"expected svgs(draw, size, ...), draw a callable, found {draw!r}, {sizes}"
         )
+    rcParams["path.simplify_threshold"] = SIMPLIFIED
     figure, found = Figure(sizes[0], layout="constrained"), []  # not pyplot's: it needs no display
     draw(figure)
     if not figure.axes:
         raise ValueError("expected draw(figure) to put axes on the figure, found none on it")
     for size in sizes:
         figure.set_size_inches(size)
-        if size[0] < sizes[0][0]:
+        if size[0] < FULL_WIDTH:
             _break_lines(figure)
         found.append(LINES.sub(lambda line: LONG_DECIMALS.sub(r"\1", line[0]), _svg_of(figure)))
     return found

@@ -42,6 +42,8 @@ class Lesson:
         Paragraphs.
     explorer : str
         Scene of the path that can be dragged in the page; none if empty.
+    parts : tuple of str
+        Its buttons and panels that are not folded away.
     attempt : tuple of str
         Paragraphs on what to try.
     scenes : tuple of str
@@ -62,3 +64,4 @@ class Lesson:
     exercises: tuple[Exercise, ...]
     scenes: tuple[str, ...] = ()
     explorer: str = ""
+    parts: tuple[str, ...] = ()

@@ -30,6 +30,7 @@ HUNT = Lesson(
     ),
     trap="S belongs to the whole path, not to a moment; and both ends are fixed, time included.",
     explorer="projectile",
+    parts=("hunt", "lagrangian"),
     scenes=("projectile",),
     exercises=(
         Exercise(
@@ -104,6 +105,7 @@ FIRST_ORDER = Lesson(
     ),
     trap="Stationary is not least. The next order tells, and it can have either sign.",
     explorer="projectile",
+    parts=("half", "bend"),
     scenes=("projectile", "oscillator"),
     exercises=(
         Exercise(
@@ -437,6 +439,7 @@ LEAST_OR_NOT = Lesson(
     ),
     trap="Not a maximum: past a focus it is a saddle, with finitely many ways down.",
     explorer="oscillator",
+    parts=("bend", "wave"),
     scenes=("oscillator", "hoop_bead", "heavy_top"),
     exercises=(
         Exercise(

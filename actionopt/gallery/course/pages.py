@@ -82,7 +82,7 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
     """Return the page of the k-th lesson, with its figures."""
     lesson = LESSONS[k]
     exercises = "".join(map(_exercise, range(1, 4), lesson.exercises))
-    widget = _live(lesson.explorer) if lesson.explorer else ""
+    widget = _live(lesson) if lesson.explorer else ""
     shown = "".join(f"<figure>{x.html()}" for x in drawn)
     count = say("Lesson {k} of {count}", k=k + 1, count=len(LESSONS))
     minutes = say("{m} minutes", m=sum(lesson.minutes))
@@ -103,11 +103,11 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
     return frame(say(lesson.title), main, root="../", description=description, scripts=scripts)
 
 
-def _live(name: str) -> str:
-    """Return the path of a scene to be bent, its motion not shown."""
-    problem = scenes.get(name).problem
+def _live(lesson: Lesson) -> str:
+    """Return the path of a lesson's scene to be bent, its motion not shown."""
+    problem = scenes.get(lesson.explorer).problem
     words = say("Drag a handle, or use the arrow keys.")
-    return figure(problem, solve(problem, tol=1e-10), units=SI, caption=words)
+    return figure(problem, solve(problem, tol=1e-10), units=SI, caption=words, parts=lesson.parts)
 
 
 def _exercise(k: int, exercise: Exercise) -> str:

@@ -123,12 +123,14 @@ def figure(
     shown: bool = False,
     arrows: bool = False,
     measure: Measure | None = None,
+    parts: Sequence[str] = (),
 ) -> str:
     """Return the live figure of a problem as HTML; it needs `SCRIPTS` and the style.
 
     `name` tells it from others on a page; `shown` is whether the motion is seen from the start,
     and with `arrows` the sum over paths is all that is. `measure` is what its S stands for, if that
-    is no action. Raises ValueError as `data` does.
+    is no action. `parts` are the buttons (bend, wave, half, hunt) and panels (lagrangian, missing,
+    picture) that are not folded away. Raises ValueError as `data` does.
     """
     found: dict[str, Any] = {"name": name or problem.name, **data(problem, solution, units)}
     found["words"] = spoken()
@@ -141,6 +143,7 @@ def figure(
     text = json.dumps(found, separators=(",", ":")).replace("</", "<\\/")
     words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
     looks = " data-show" * shown + " data-sum" * arrows
+    looks += f' data-with="{" ".join(parts)}"' if parts else ""
     return f"""<figure class="live" data-live="{escape(found["name"])}"{looks}>
 <script type="application/json">{text}</script>
 <noscript><p>{say("Scripts are off: the path cannot be bent.")}</p></noscript>{words}

@@ -165,7 +165,8 @@
 
     layout() {
       super.layout();
-      Object.assign(this, { left: 8, right: this.svg.clientWidth - 8, top: 8, bottom: this.height(this.svg.clientWidth) - 8 });
+      const width = Math.max(240, this.svg.clientWidth);
+      Object.assign(this, { left: 8, right: width - 8, top: 8, bottom: this.height(width) - 8 });
       put(this.frame, { x: 0, y: 0, width: this.right + 8, height: this.bottom + 8 });
       const [a, b, c, d] = this.data.box, room = 0.15 * Math.max(b - a, d - c, 1e-9);
       this.scale([a - room, b + room], [c - room, d + room], true);
@@ -259,10 +260,18 @@
     const order = html(verdict, "p", { class: "order" });
     const controls = html(figure, "div", { class: "controls" });
     const buttons = {};
-    for (const name of ["solve", ...(forced ? [] : ["relax", "hunt"]), "bend", "wave", ...(forced ? [] : ["half"]), "restart"])
-      buttons[name] = html(controls, "button", { type: "button", "data-do": name }, W[name]);
+    const wanted = figure.dataset.with?.split(" ") ?? []; // of what is folded away else
+    const folded = (made, name) => { made.classList.toggle("extra", !wanted.includes(name)); return made; };
+    for (const name of ["solve", ...(forced ? [] : ["relax"]), "restart"]) buttons[name] = html(controls, "button", { type: "button", "data-do": name }, W[name]);
+    for (const name of ["bend", "wave", ...(forced ? [] : ["half", "hunt"])])
+      buttons[name] = folded(html(controls, "button", { type: "button", "data-do": name }, W[name]), name);
     const check = html(controls, "label", { class: "check" }), reveal = html(check, "input", { type: "checkbox" });
     check.append(W.show);
+    const more = html(controls, "button", { type: "button", class: "quiet", "aria-expanded": false }, W.others);
+    more.addEventListener("click", () => {
+      more.setAttribute("aria-expanded", figure.classList.toggle("all"));
+      layout();
+    });
     const sliders = html(figure, "div", { class: "controls sliders" });
     const slider = (parent, name, low, high, value) => {
       const label = html(parent, "label"), text = html(label, "span", { class: "slider-name" }, name);
@@ -277,13 +286,16 @@
     const message = html(figure, "p", { class: "message", role: "status" });
     const panels = html(figure, "div", { class: "panels" });
     const [left, right] = [0, 1].map(() => html(panels, "div", { class: "column" }));
-    const pathPanel = new Panel(left, W.path, "path", (w) => Math.min(370, 0.6 * w + 60));
+    const pathPanel = new Panel(left, W.path, "path", (w) => Math.min(330, 0.6 * w + 60));
     const energyPanel = forced ? null : new Panel(left, W.lagrangian, "lagrangian", (w) => Math.min(240, 0.35 * w + 70));
     const alphaPanel = forced ? null : new Panel(right, W.alpha, "alpha", (w) => Math.min(330, 0.75 * w + 40));
     const missingPanel = new Panel(data.picture && !forced ? left : right, data.measure ? W.lacking : W.missing, "missing", (w) => Math.min(forced && !data.picture ? 370 : 220, 0.5 * w + 40));
     const picture = data.picture ? new Picture(right, W, data.picture) : null;
     const all = [pathPanel, alphaPanel, energyPanel, missingPanel, picture].filter(Boolean);
-    const numbers = data.parameters.length ? html(figure, "details") : null;
+    for (const [panel, name] of [[energyPanel, "lagrangian"], ...(forced ? [] : [[missingPanel, "missing"]]), [picture, "picture"]])
+      if (panel) folded(panel.box, name);
+    const folds = html(figure, "div", { class: "folds" });
+    const numbers = data.parameters.length ? html(folds, "details") : null;
     if (numbers) html(numbers, "summary", {}, W.parameters);
     const table = numbers && html(numbers, "div", { class: "controls sliders" });
     data.parameters.forEach(({ name, place, value }) => {
@@ -302,7 +314,7 @@
       (table.rows ??= []).push(made);
       tell();
     });
-    const paths = forced ? null : html(figure, "details", { class: "sum" });
+    const paths = forced ? null : html(folds, "details", { class: "sum" });
     if (paths) {
       html(paths, "summary", {}, W.sum);
       paths.open = "sum" in figure.dataset;
@@ -397,6 +409,12 @@
     const lacking = data.coordinates.map((_, i) => element(missingPanel.lines, "polyline", `trial thin c${i % 5}`));
     if (energyPanel) energyPanel.note = html(energyPanel.box, "p", { class: "note" });
 
+    // What is seen in a panel, for who cannot see it.
+    const named = (q) => data.coordinates.map(({ name, unit: word }, i) => unit(`${name} = ${written(q[i], 3, data.sizes[i])}`, word)).join(", ");
+    const describe = (panel, words) => {
+      if (held === null && busy === null) panel.svg.setAttribute("aria-label", `${panel.title.firstChild.data}: ${words}`);
+    };
+
     function draw() {
       if (!pathPanel.right) return;
       fit();
@@ -439,6 +457,9 @@
         const [low, high] = [along(0), along(at)];
         tangent.setAttribute("d", line(0, low, slopes[1], 1.2));
         now.setAttribute("d", at ? line(1, high, slopes[0], 0.35) : "");
+        const lowest = curve.reduce((a, b) => (b[1] < a[1] ? b : a)), highest = curve.reduce((a, b) => (b[1] > a[1] ? b : a));
+        const inside = ([a]) => Math.abs(a) < REACH * 0.99;
+        describe(alphaPanel, inside(lowest) ? filled(W.lowest, { a: fixed(lowest[0], 1) }) : inside(highest) ? filled(W.highest, { a: fixed(highest[0], 1) }) : filled(W.runs, { a: written(curve[0][1], 3), b: written(curve[curve.length - 1][1], 3) }));
         put(dot, { cx: alphaPanel.X(at), cy: Math.max(-20, Math.min(alphaPanel.bottom + 60, alphaPanel.Y(high))), r: 6 });
         put(foot, { cx: alphaPanel.X(0), cy: alphaPanel.Y(low), r: 4 });
         // the Lagrangian, whose area is S
@@ -452,6 +473,8 @@
         adds.setAttribute("d", area((l) => Math.max(l, 0)));
         takes.setAttribute("d", area((l) => Math.min(l, 0)));
         truth.L.setAttribute("points", energyPanel.points(exact));
+        const [least, most] = span(L.map((r) => r[1]));
+        describe(energyPanel, filled(W.runs, { a: written(least, 3), b: written(most, 3) }));
         Object.assign(figure.dataset, { area: cell, pixels: energyPanel.unit[0] * energyPanel.unit[1] });
       }
       // the missing force
@@ -494,6 +517,8 @@
       const [here, there] = (slopes ?? []).map((x) => lean(x, 2));
       order.textContent = forced ? filled(W.distance, { x: lean(distance, 3) })
         : bare ? filled(W.steepest, { x: lean(distance, 2) }) : filled(seen() ? W.slope : W.slopes, { here, there });
+      describe(pathPanel, [0, A.count - 1].map((k) => named(A.row(trial, k))).join(" \u2192 "));
+      describe(missingPanel, filled(W.most, { x: written(Math.max(...mine.flatMap((i) => Array.from(missing[i], Math.abs))), 2) }));
       verdictOf();
       time.clock.textContent = unit(fixed(A.duration, 3), units.time);
       time.input.setAttribute("aria-valuetext", time.clock.textContent);
@@ -898,7 +923,7 @@
         const [x, y] = spot(trial, knot(j), pair), named = pair.filter((i) => i !== null);
         group.setAttribute("transform", `translate(${pathPanel.X(x).toFixed(2)},${pathPanel.Y(y).toFixed(2)})`);
         put(group, {
-          "aria-label": filled(W.at, { t: unit(fixed(A.start + (A.duration * j) / spans, 2), units.time) }), "aria-valuenow": y.toFixed(4),
+          "aria-label": `${named.map((i) => data.coordinates[i].name).join(", ")}: ` + filled(W.at, { t: unit(fixed(A.start + (A.duration * j) / spans, 2), units.time) }), "aria-valuenow": y.toFixed(4),
           "aria-valuemin": view.y[0].toFixed(4), "aria-valuemax": view.y[1].toFixed(4),
           "aria-valuetext": named.map((i) => unit(`${data.coordinates[i].name} = ${fixed(trial[knot(j) * n + i], 3)}`, data.coordinates[i].unit)).join(", "),
         });
