@@ -13,6 +13,7 @@ import pytest
 from helpers import a_quarter, solved
 
 from actionopt import scenes
+from actionopt.gallery import units
 from actionopt.gallery.texts import texts
 from actionopt.mechanics import written
 from actionopt.tools import formula as F
@@ -21,6 +22,7 @@ from actionopt.tools.mathml import mathml
 OPERATORS = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv
 }  # fmt: skip
+LAWS = "lagrangian length constraint force obstacle integral".split()
 POINTS = 7
 STEP = 1e-30  # of a complex step: derivatives without cancellation
 
@@ -222,3 +224,12 @@ def test_order_of_operations():
     assert ast.dump(side) == ast.dump(
         ast.parse("(0 - (k * x**2) / 2) + (m * g * l * cos(theta1) / 3) * b", mode="eval").body
     )
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_every_parameter_of_a_law_has_a_unit(name):
+    module = importlib.import_module(f"actionopt.scenes.{name}")
+    laws = [getattr(module, law) for law in LAWS if hasattr(module, law)]
+    taken = [p for law in laws for p in inspect.signature(law).parameters.values()]
+    listed = units.PARAMETER_UNITS | units.SCENE_UNITS.get(name, {})
+    assert not {p.name for p in taken if p.kind is p.KEYWORD_ONLY} - {*listed}

@@ -10,7 +10,7 @@ PARAMETER_UNITS = {
     "m": "kg", "m1": "kg", "m2": "kg", "M": "kg", "l": "m", "l1": "m", "l2": "m", "R": "m",
     "A": "m", "g": "m/s^2", "a": "m/s^2", "k": "N/m", "b": "kg/s", "w": "rad/s", "angle": "rad",
     "e": "C", "B": "T", "E": "V/m", "Ex": "V/m", "Ez": "V/m", "mu": "m^3/s^2",
-    "G": "m^3/(kg s^2)", "spare": "J", "I1": "kg m^2", "I3": "kg m^2", "inertia": "",
+    "G": "m^3/(kg s^2)", "spare": "J", "I1": "kg m^2", "I3": "kg m^2", "inertia": "", "n": "",
 }  # fmt: skip
 SCENE_UNITS = {
     "drag_quadratic": {"c": "kg/m"},
