@@ -150,13 +150,26 @@ def test_settings_may_be_lists(capsys):
 
 def test_pictures_and_solutions_are_written(capsys, tmp_path):
     picture, file = tmp_path / "pendulum.png", tmp_path / "pendulum.npz"
-    code, _, err = run(capsys, "solve", "pendulum", "--plot", str(picture), "--save", str(file))
+    code, _, err = run(capsys, "solve", "pendulum", "--plot", str(picture), "--out", str(file))
     assert (code, err) == (0, "")
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert file.stat().st_size > 0
 
 
 # -- a file of one's own ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("other", "said"), [("scene.problem", False), ("scene.problem.replace()", True)]
+)
+def test_a_file_with_a_scene_and_another_problem_says_which_is_taken(capsys, tmp_path, other, said):
+    file = tmp_path / "both.py"
+    file.write_text(
+        f"from actionopt import scenes\nscene = scenes.get('pendulum')\nproblem = {other}\n"
+    )
+    code, out, err = run(capsys, "solve", str(file), "--no-compare")
+    assert code == 0 and out.startswith("pendulum")
+    assert ("defines `scene` and `problem`: the scene is taken" in err) == said
 
 
 @pytest.mark.parametrize(

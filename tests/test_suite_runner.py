@@ -295,6 +295,24 @@ def test_solvers_that_do_not_exist_are_refused():
             solvers.check(name)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--jobs", "0"], "expected one job or more, found 0"),
+        (["--seconds", "-1"], "expected a positive number of seconds, found -1.0"),
+        (["--out", "no/such/folder/r.jsonl"], "folder that is there .*'no/such/folder/r.jsonl'"),
+    ],
+)
+def test_nothing_runs_for_what_the_command_refuses(
+    tmp_path, capsys, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    asked = ["suite", "run", "--solver", "ipopt", "--problem", "pendulum", *arguments]
+    assert main(asked) == 1
+    assert re.search(message, capsys.readouterr().err)
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_command(tmp_path, capsys, monkeypatch, at_home):
     monkeypatch.setattr("actionopt.tools.progress.LOG_PACE", 0.0)
     monkeypatch.setattr("actionopt.suite.report._figure", lambda *arguments: "")

@@ -22,7 +22,7 @@ physical parameters of the first two and passes keywords to the last.
 
   actionopt solve pendulum --set g=1.62 --plot pendulum.png
   actionopt solve kepler --tol 1e-12 --json
-  actionopt solve my_scene.py --set "masses=[1, 2]" --save path.npz
+  actionopt solve my_scene.py --set "masses=[1, 2]" --out path.npz
 """
 COMPARISON_KEYS = (  # of a comparison, as --json has it
     *("agrees", "position", "velocity", "arrival", "local", "allowed"),
@@ -41,7 +41,7 @@ def add_to(command: argparse.ArgumentParser) -> None:
     what = "what to ask of the action: least, only stationary, or least if it can be (auto)"
     add("--principle", choices=("auto", "least", "stationary"), default="auto", help=what)
     add("--plot", metavar="FILE", help="draw the path and the deviation (png, pdf, svg, ...)")
-    add("--save", metavar="FILE.npz", help="write the solution")
+    add("--out", "--save", metavar="FILE.npz", help="write the solution")
     add("--json", action="store_true", help="print JSON instead of a table")
     add("--no-compare", action="store_false", dest="compare", help="no forward integration")
     add("--seconds", type=float, help="time it may take; then the best attempt is reported")
@@ -53,10 +53,10 @@ def run(options: argparse.Namespace) -> int:
     from actionopt.tools.progress import waiting
 
     problem, guess = question(options)
-    if options.save:
+    if options.out:
         from actionopt.analysis.saved import solution_file
 
-        solution_file(options.save)
+        solution_file(options.out)
     if options.plot:
         from actionopt.plot._files import picture
 
@@ -65,8 +65,8 @@ def run(options: argparse.Namespace) -> int:
         asked = {name: getattr(options, name) for name in ("tol", "principle", "seconds")}
         solution = solve(problem, guess=guess, progress=progress, **asked)
     found = report(solution, compare=options.compare)
-    if options.save:
-        solution.save(options.save)
+    if options.out:
+        solution.save(options.out)
     if options.plot:
         from actionopt import plot
 

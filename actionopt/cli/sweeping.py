@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     from actionopt.families.grid import Grid
     from actionopt.families.runs import Runs
     from actionopt.families.sweep import sweep
-    from actionopt.tools.checks import tolerance
+    from actionopt.tools.checks import check_jobs, tolerance
     from actionopt.tools.files import ready
     from actionopt.tools.watch import time_limit
 
@@ -85,8 +85,7 @@ def run(options: argparse.Namespace) -> int:
     over = {name: np.linspace(*row) for name, row in options.over}
     if len(over) < len(options.over):
         raise ValueError("expected each name once after --over; an axis has one row of values")
-    if options.jobs is not None and options.jobs < 1:
-        raise ValueError(f"expected one job or more, found {options.jobs}")
+    check_jobs(1 if options.jobs is None else options.jobs)
     if (
         options.out
         and ready(options.out, ".npz", ".nc").suffix == ".nc"

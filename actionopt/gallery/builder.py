@@ -26,6 +26,7 @@ from actionopt.gallery.index_page import index_page
 from actionopt.gallery.page import Page
 from actionopt.mechanics.problem import Problem
 from actionopt.scenes import Scene
+from actionopt.tools.checks import check_jobs
 from actionopt.tools.files import write
 from actionopt.tools.texts import PACKAGE, PACKED, read
 from actionopt.tools.words import SPOKEN, language, say
@@ -86,8 +87,7 @@ def build(
     own = _by_folder([question for question in names if not isinstance(question, str)])
     if lang not in SPOKEN:
         raise ValueError(f"expected a language of {', '.join(SPOKEN)}, found {lang!r}")
-    if jobs < 1:
-        raise ValueError(f"expected one job or more, found {jobs}")
+    check_jobs(jobs)
     target = Path(directory)
     target.mkdir(parents=True, exist_ok=True)
     written = _manifest(target)

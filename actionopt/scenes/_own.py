@@ -24,6 +24,8 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
     are these parameters, or those of the system. The file is run; its folder is where it imports
     from.
 
+    Where it defines another `problem` beside the scene, that is said on the standard error.
+
     Raises ValueError, with the line, if there is no such file, it raises or defines neither, or it
     has no such parameter.
     """
@@ -37,6 +39,8 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
     try:
         defined = runpy.run_path(str(file))
         found = defined.get("scene", defined.get("problem"))
+        if {"scene", "problem"} <= defined.keys() and _problem(found) is not defined["problem"]:
+            print(f"{file} defines `scene` and `problem`: the scene is taken", file=sys.stderr)
         if inspect.isfunction(found):
             _check_names(found, settings)
             found, settings = found(**settings), {}
@@ -49,8 +53,12 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
             f"expected {file} to define `problem` or `scene`, a Problem, a Scene or a function "
             f"that returns one, found {'neither' if found is None else repr(found)}"
         )
-    asked = found.problem if isinstance(found, Scene) else found
-    return asked.replace(parameters=settings) if settings else found
+    return _problem(found).replace(parameters=settings) if settings else found
+
+
+def _problem(found: Any) -> Any:
+    """Return the problem of a scene, or what is none."""
+    return found.problem if isinstance(found, Scene) else found
 
 
 def _check_names(made: Callable[..., Any], settings: Mapping[str, Any]) -> None:

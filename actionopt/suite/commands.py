@@ -20,13 +20,13 @@ SOLVERS = f"""\
 A solver is a plugin of CasADi's nlpsol (ipopt, fatrop, sqpmethod, sqpmethod:osqp, qrsqp, uno,
 ...), scipy:METHOD, nlopt:ALGORITHM, cyipopt, asl:PATH (a program that reads .nl files), or
 FILE.py:FUNCTION of your own. Each runs with its own defaults, every problem in a process of its
-own; what --output has already is not run again, unless the solver's file, its version or the
+own; what --out has already is not run again, unless the solver's file, its version or the
 problem's numbers are others, or what was too short is longer now.
 
   actionopt suite run --solver ipopt --solver sqpmethod --solver scipy:SLSQP
   actionopt suite run --solver mine.py:solve --problem kepler --set eccentricity=0.5 --set decades=4
   actionopt suite run --solver ipopt --solver uno --dial eccentricity
-  actionopt suite report --output results.jsonl --to report
+  actionopt suite report --out results.jsonl --to report
 
 The dials are {", ".join(DIALS)}: a parameter of a family from easy to hard.
 
@@ -73,7 +73,9 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     add = output.add_argument
     add(
         "-o",
+        "--out",
         "--output",
+        dest="output",
         default="results.jsonl",
         metavar="FILE",
         help="results, JSON lines (results.jsonl)",
@@ -106,7 +108,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     add("--memory", type=float, default=8.0, help="memory of one run, GiB (8)")
     add("--repeats", type=_whole, default=3, help="solves; the first is counted (3)")
     add("--again", action="store_true", help="run what the file has already, too")
-    add("--jobs", type=int, default=1, help="runs at the same time (1)")
+    add("--jobs", type=int, default=1, metavar="N", help="runs at the same time (1)")
     command = commands.add_parser(
         "dump",
         help="write .nl, .mof.json and .py files, and answers",
@@ -297,7 +299,7 @@ def report(options: argparse.Namespace) -> int:
     if not records:
         raise ValueError(
             f"expected results of at least one run in {options.output}, found none; "
-            "`actionopt suite run --solver NAME` writes them, and --output says where"
+            "`actionopt suite run --solver NAME` writes them, and --out says where"
         )
     print(write(records, options.to))
     return 0

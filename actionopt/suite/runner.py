@@ -29,7 +29,9 @@ from actionopt.suite.cell import Cell, with_verdict
 from actionopt.suite.member import Member
 from actionopt.suite.verdict import verdict
 from actionopt.tools import process
-from actionopt.tools.files import rounded
+from actionopt.tools.checks import check_jobs
+from actionopt.tools.files import ready, rounded
+from actionopt.tools.watch import positive_seconds
 
 RECORD_DIGITS = 4  # of times and distances: they differ in the second
 ROUNDED_COLUMNS = (
@@ -69,6 +71,9 @@ def run(
     each, from one thread.
     """
     bounds = limits or Limits()
+    check_jobs(jobs)
+    positive_seconds(bounds.seconds)
+    file = ready(file)
     numbered: dict[str, dict[str, Any]] = {}
     wanted: dict[str, tuple[Cell, dict[str, Any]]] = {}
     for cell in cells:

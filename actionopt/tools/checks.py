@@ -153,3 +153,9 @@ def items(row: Any, what: str) -> list[Any]:
         return [row] if isinstance(row, str) else list(row)
     except TypeError:
         return [row]
+
+
+def check_jobs(jobs: int) -> None:
+    """Raise ValueError unless there is one job or more."""
+    if jobs < 1:
+        raise ValueError(f"expected one job or more, found {jobs}")
