@@ -113,10 +113,7 @@ def sensitivity(
             "and take differences, or see `momenta` for dS by the coordinates there"
         )
     problem = at.problem
-    if problem.is_course:
-        second = second_through(at)
-    else:
-        second = _second_alone(at, error)
+    second = second_through(at) if problem.is_course else _second_alone(at, error)
     found = slopes(at, momenta, jumps)
     for row, k in ((found["q0"], 0), (found["q1"], -1)):
         places = problem.joints[k].places(problem.system.order)

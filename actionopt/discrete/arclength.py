@@ -23,13 +23,16 @@ import numpy as np
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import moves_of
 from actionopt.discrete.boundaries import carry_boundaries
+from actionopt.discrete.contact_times import ContactEquations
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.layout import border_matrix
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.instants import Instant
+from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
@@ -41,12 +44,14 @@ LAST_CORRECTION = 1e-9
 DIFFERENCE = 1e-6
 RUNAWAY_SIZE = 1e4  # coordinates this many times their size are no path worth following
 
+Discrete = Transcription | Bordered | ContactEquations
+
 
 @dataclass(frozen=True, eq=False)
 class BranchPoint:
     """A point of a branch: its transcription, unknowns z, s, and the direction (dz, ds)."""
 
-    tr: Transcription | Bordered
+    tr: Discrete
     z: Array
     s: float
     direction: Array
@@ -54,9 +59,9 @@ class BranchPoint:
     @cached_property
     def at(self) -> DiscretePath:
         """The path there, with its multipliers."""
-        if isinstance(self.tr, Bordered):
-            return self.tr.discrete(self.z)
-        return DiscretePath(self.tr, self.z)
+        if isinstance(self.tr, Transcription):
+            return DiscretePath(self.tr, self.z)
+        return self.tr.discrete(self.z)
 
     @property
     def path(self) -> Path:
@@ -89,6 +94,8 @@ class Branch:
         Those of the events of a course, at the path from which the branch is to begin.
     kappa : (c,) array, optional
         The multipliers of its integrals there.
+    arcs : tuple of Arc, optional
+        What is in contact with an obstacle there.
     """
 
     family: Callable[[float], Problem]
@@ -98,8 +105,9 @@ class Branch:
     range: float
     times: Array | None = None
     kappa: Array | None = None
+    arcs: tuple[Arc, ...] = ()
     like: Transcription | None = None
-    bordered: Bordered | None = None  # where more than the path is to be found
+    bordered: Bordered | ContactEquations | None = None  # where more than the path is to be found
     factors: Factors | None = None  # of a matrix before, from which solutions may be refined
     solves: int = 0  # linear systems so far
 
@@ -111,11 +119,16 @@ class Branch:
             around = Bordered.around(*known, times=self.times, kappa=self.kappa)
             self.bordered, y = around
             return y
+        if self.arcs:
+            tr = Transcription(Held(problem, self.arcs), path.mesh, self.lengths)
+            self.bordered = ContactEquations(tr)
+            z = tr.pack(path.values.T, lam)
+            return np.concatenate([z, np.zeros(self.bordered.layout.size - z.size)])
         tr = self.at(s)
         assert isinstance(tr, Transcription)
         return tr.pack(path.values.T, lam)
 
-    def at(self, s: float) -> Transcription | Bordered:
+    def at(self, s: float) -> Discrete:
         """Return the transcription at s; all share their units."""
         problem = self.family(s)
         if self.bordered is not None:
@@ -145,7 +158,7 @@ class Branch:
                 change = self._solve_bordered(tr, y, point.direction, miss)
                 if change is None:
                     return None
-                size = self.norm(tr, change)
+                size = self._size(tr, change)
                 if not np.isfinite(size) or size > max(0.5 * last, LAST_CORRECTION):
                     return None
                 y, last = y - change, size
@@ -155,7 +168,8 @@ class Branch:
                     found = replace(found, tr=self.at(found.s))
                     if not np.max(np.abs(found.z[: tr.layout.unknowns])) < RUNAWAY_SIZE:
                         return None
-                    return replace(found, direction=self._direction(found)), k
+                    found = self._complete(found)
+                    return None if found is None else (found, k)
         return None
 
     def to(self, point: BranchPoint, s: float) -> BranchPoint | None:
@@ -170,16 +184,29 @@ class Branch:
                 change = self._solve_bordered(tr, np.r_[z, s], fixed, miss)
                 if change is None:
                     return None
-                size = self.norm(tr, change)
+                size = self._size(tr, change)
                 if not np.isfinite(size) or size > max(0.5 * last, LAST_CORRECTION):
                     return None
                 z, last = z - change[:-1], size
                 if size < LAST_CORRECTION:
                     found = BranchPoint(tr, z, s, point.direction)
-                    return replace(found, direction=self._direction(found))
+                    return self._complete(found)
         return None
 
-    def norm(self, tr: Transcription | Bordered, change: Array) -> float:
+    def _size(self, tr: Discrete, change: Array) -> float:
+        """Return the length of a correction, or how far a time of contact moves if that is more."""
+        size = self.norm(tr, change)
+        if isinstance(tr, ContactEquations):
+            return max(size, float(np.abs(change[tr.first.layout.size : -1]).max()))
+        return size
+
+    def _complete(self, point: BranchPoint) -> BranchPoint | None:
+        """Return the point with the branch's direction; None where a part in contact is gone."""
+        if self.arcs and not np.isfinite(point.tr.residual(point.z)).all():
+            return None
+        return replace(point, direction=self._direction(point))
+
+    def norm(self, tr: Discrete, change: Array) -> float:
         """Return the length of a change (dz, ds); multipliers do not count."""
         return float(np.sqrt(self.inner(tr, change, change)))
 
@@ -187,7 +214,7 @@ class Branch:
         """Return the cosine of the angle between the directions of two points."""
         return self.inner(one.tr, one.direction, other.direction)
 
-    def inner(self, tr: Transcription | Bordered, a: Array, b: Array) -> float:
+    def inner(self, tr: Discrete, a: Array, b: Array) -> float:
         """Return the scalar product of two changes (dz, ds); multipliers do not count."""
         cut = tr.layout.unknowns
         return float(a[:cut] @ b[:cut] / max(cut, 1) + a[-1] * b[-1] / self.range**2)
@@ -201,21 +228,19 @@ class Branch:
             return point.direction
         return found / self.norm(point.tr, found)
 
-    def _solve_bordered(
-        self, tr: Transcription | Bordered, y: Array, row: Array, right: Array
-    ) -> Array | None:
+    def _solve_bordered(self, tr: Discrete, y: Array, row: Array, right: Array) -> Array | None:
         """Solve the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch."""
         z, s = y[:-1], y[-1]
         self.solves += 1
         h = DIFFERENCE * self.range
-        column = (self.at(s + h).residual(z) - self.at(s - h).residual(z)) / (2 * h)
         cut = tr.layout.unknowns
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
-        edges = column[:, None], last[None, :-1], last[-1:, None]
-        layout, nonzeros = border_matrix(tr.layout, tr.kkt(z), *edges)
         known = self.factors
-        same = known is not None and known.layout is layout and not layout.small
         try:
+            column = (self.at(s + h).residual(z) - self.at(s - h).residual(z)) / (2 * h)
+            edges = column[:, None], last[None, :-1], last[-1:, None]
+            layout, nonzeros = border_matrix(tr.layout, tr.kkt(z), *edges)
+            same = known is not None and known.layout is layout and not layout.small
             near = known.near(nonzeros) if known and same else Factors(layout, nonzeros)
             found = near.solve(right)
         except np.linalg.LinAlgError:

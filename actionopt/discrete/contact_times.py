@@ -13,11 +13,13 @@ elements between its neighbours, and the equations change with them (`by_boundar
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
@@ -26,6 +28,7 @@ from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
+from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
 # Of a typical rate of f, by which slips change with the times of contact over the duration: less is
@@ -98,6 +101,80 @@ def tangency_step(
     except np.linalg.LinAlgError:
         return None
     return shifted @ change, step + moves @ change
+
+
+@dataclass(eq=False)
+class ContactEquations:
+    """The equations of a path and of its times of contact, J of them, as a branch has them.
+
+    The unknowns are (z, theta): times of contact are farther by theta than on the `first` mesh, in
+    durations. With as many equations, slip = 0.
+
+    Raises
+    ------
+    ValueError
+        If contact of one row begins where that of another ends.
+    """
+
+    first: Transcription
+    held: Held = field(init=False)
+
+    def __post_init__(self) -> None:
+        assert isinstance(self.first.problem, Held)
+        self.held = self.first.problem
+        self.times, self.lengths = self.held.contact_times, self.first.lengths
+        arcs = [t for arc in self.held.arcs or () for t in (arc.begin, arc.end)]
+        if np.sum(~np.isin(arcs, self.held.fixed_times)) != self.times.size:
+            raise ValueError(
+                "expected times of contact that differ, found one at which two rows meet: give "
+                "sweep, which looks for contact anew"
+            )
+        self.layout = self.first.layout.with_border(self.times.size)
+        self.unit = float(self.first.row_units.max()) / self.held.duration  # of slips
+
+    def of(self, problem: Problem) -> ContactEquations:
+        """Return those of another member of a family, in the same unknowns."""
+        first, old = self.first, self.held
+        ends = problem.start.t, problem.end.t
+        mesh = carry_boundaries(first.mesh, old.instants, problem.instants, *ends)
+        moved = dict(zip(first.mesh.boundaries.tolist(), mesh.boundaries.tolist(), strict=True))
+        arcs = tuple(Arc(x.row, moved[x.begin], moved[x.end]) for x in old.arcs or ())
+        return ContactEquations(Transcription(Held(problem, arcs), mesh, self.lengths, like=first))
+
+    def discrete(self, y: Array) -> DiscretePath:
+        """Return the path of unknowns y. Raises LinAlgError where a part in contact is gone."""
+        cut, T = self.first.layout.size, self.held.duration
+        tr, theta = self.first, y[cut:]
+        if theta.any():
+            knots = np.union1d(self.held.fixed_times, self.times)
+            after = np.interp(knots, self.times, self.times + T * theta)
+            after = np.where(np.isin(knots, self.times), after, knots)
+            if not (np.diff(after) > 0).all():
+                raise np.linalg.LinAlgError("a part in contact, or between two, has vanished")
+            tr = with_contact_times(tr, self.times, T * theta)
+        return DiscretePath(tr, y[:cut])
+
+    def residual(self, y: Array) -> Array:
+        """Return the residual of the path, and the slips, (size,); NaN where a part is gone."""
+        try:
+            at = self.discrete(y)
+        except np.linalg.LinAlgError:
+            return np.full(y.size, np.nan)
+        return np.r_[at.tr.residual(at.z), [slip.value / self.unit for slip in slips(at)]]
+
+    def kkt(self, y: Array) -> Array:
+        """Return the nonzeros of the derivative of `residual`, as the layout says."""
+        at, T = self.discrete(y), self.held.duration
+        times = self.times + T * y[self.first.layout.size :]
+        knots = np.union1d(self.held.fixed_times, times)
+        alone = np.eye(knots.size)[np.searchsorted(knots, times)]
+        rates = T * np.array([np.interp(at.mesh.boundaries, knots, row) for row in alone])
+        stretch, met = Stretch(at, rates), list(slips(at))
+        C = np.zeros((times.size, at.tr.layout.size))
+        for row, slip in zip(C, met, strict=True):
+            row[: at.tr.layout.unknowns] = slip.by_path(at, stretch.second) / self.unit
+        D = np.array([slip.by_times(stretch) for slip in met]) / self.unit
+        return self.layout.join(at.tr.kkt(at.z), stretch.residuals(), C, D)
 
 
 def merge_contacts(held: Held, a: float, b: float) -> tuple[Arc, ...]:

@@ -25,14 +25,17 @@ from actionopt.discrete.arclength import Branch, BranchPoint, switches_of
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import times_of
 from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, present, with_values
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
+from actionopt.solver.obstacle import INSIDE, contact_conditions, is_pulled
 from actionopt.solver.refine import ROUNDS, split
 from actionopt.solver.solve import Guess, solve
 from actionopt.solver.through import objection
@@ -45,6 +48,8 @@ from actionopt.tools.watch import Progress, TimeUp, check_progress, check_time, 
 Vary = Name | Callable[[float], Problem]
 
 # Ad hoc, where nothing else is said. Steps are of arclength, the range of values as the unit.
+CONTACT_STEP, CONTACT_CHANGE = 0.01, 0.1  # over a change of contact, and of a path there
+SHORTEST_CONTACT = 1e-3  # a step that is halved no more where contact may change
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.25, 1e-7
 # Of the Jacobi fields; derived: eigenvalues converge twice as fast, and signs are asked, no more.
 TRACE_RESOLUTION = 1e-5
@@ -116,7 +121,8 @@ def trace(
     check_problem(problem)
     check_progress(progress)
     family, value = _family(problem.asked or problem, vary, start)
-    problem.system.check_free("a branch does not know where contact changes; sweep does")
+    if problem.has_free_boundary or problem.is_infinite:
+        problem.system.check_free("a branch knows contact between given events alone; sweep does")
     to, steps = number(to, "the value to go to"), whole(steps, "the most points to compute", 1)
     if to == value:
         raise ValueError(f"expected a value to go to other than the present {value}, found {to}")
@@ -200,7 +206,7 @@ class _TraceRun:
         linear = problem.system.structure.linear
         self.pole_size = POLE_SIZE if linear else max(POLE_SIZE, self.tol ** (-2 / 3))
         sign = np.sign(self.goal - self.origin)
-        self._set(problem, at.path, at.rows, at.tr.lengths, self.origin, sign)
+        self._set(at.problem, at.path, at.rows, at.tr.lengths, self.origin, sign)
 
     def _set(
         self,
@@ -221,6 +227,8 @@ class _TraceRun:
         if problem.is_joined:
             self.branch.times = times_of(known)
             self.branch.kappa = None if problem.integral is None else known.kappa
+        if isinstance(known, Held):
+            self.branch.arcs = known.arcs or ()
         lam = None if rows is None else np.nan_to_num(rows)
         z = self.branch.first_unknowns(path, lam, s)
         point = self.branch.first(z, s, sign)
@@ -240,6 +248,9 @@ class _TraceRun:
             taken = self._try(here, length)
             if taken is None:
                 length /= 2
+                if length < SHORTEST_CONTACT and self._resume(here, here.s + self._ahead(here)):
+                    length = FIRST_STEP
+                    continue
                 if length < SHORTEST_STEP:
                     self.end("no step, however short, led on: the paths end or run away")
                     return
@@ -262,6 +273,14 @@ class _TraceRun:
                     self.end(why)
                     return
                 continue
+            if self._changes_contact(there):
+                if not self._resume(there, there.s):
+                    self.end("contact changes there, and no least path with the next one is near")
+                    return
+                if beyond is not None:
+                    self.stopped = f"it reached {self._names()[beyond]}"
+                    return
+                continue
             index = self._index(there)
             marks = self._marks(here, there, index)
             if marks is None:
@@ -276,8 +295,7 @@ class _TraceRun:
             if beyond is not None:
                 if self._misses(there.at.tr, there.at.z):
                     self._refine()
-                ends = {self.goal: "the goal", self.origin: "the first value again"}
-                self.stopped = f"it reached {ends[beyond]}"
+                self.stopped = f"it reached {self._names()[beyond]}"
                 return
             pole = self._pole(here, there)
             if pole is not None:
@@ -291,6 +309,9 @@ class _TraceRun:
                 length = min(1.5 * length, LONGEST_STEP)
             self._refine()
         self.end(f"the {steps} steps were used up; give more (steps=), or trace on from there")
+
+    def _names(self) -> dict[float, str]:
+        return {self.goal: "the goal", self.origin: "the first value again"}
 
     def _size(self, point: BranchPoint) -> float:
         """Return how many times larger a path is than the first one."""
@@ -360,6 +381,38 @@ class _TraceRun:
         path = Solution(problem, at.path, at.action, at.rows.T, self.tol, Status.SOLVED, {})
         why = objection(path)
         return why and f"at {point.s:.6g} {why}"
+
+    # -- contact with an obstacle -----------------------------------------------------------------
+
+    def _changes_contact(self, point: BranchPoint) -> bool:
+        """Return whether the path is inside of the obstacle, or would have to be pulled."""
+        at = point.at
+        if not (self.branch.arcs or at.problem.system.r):
+            return False
+        if not isinstance(at.problem, Held):
+            at = DiscretePath.of(Held(at.problem, ()), at.path)
+        _, on, depth, push, unit = contact_conditions(at, self.sizes)
+        return bool((depth > INSIDE * self.tol).any() or (on & is_pulled(push, unit)).any())
+
+    def _ahead(self, here: BranchPoint) -> float:
+        """Return the step in s over a change of contact; 0 where the branch turns."""
+        along = self.goal - self.origin, here.direction[-1]
+        step = float(np.sign(along[1]) * CONTACT_STEP * abs(along[0]))
+        return step if self._beyond(here.s + step) is None else 0.0
+
+    def _resume(self, here: BranchPoint, s: float) -> bool:
+        """Go on at s with the least path near this one, what is in contact found anew."""
+        if not (self.branch.arcs or here.at.problem.system.r):
+            return False
+        found = solve(self.family(s), guess=here.path, tol=self.tol, throw=False)
+        apart = np.abs(found(here.path.mesh.nodes) - here.path.values).max(axis=1)
+        if not found.success or (apart > CONTACT_CHANGE * self.sizes).any():
+            return False
+        at = found.discrete
+        self.solves += self.branch.solves
+        sign = float(np.sign(here.direction[-1]))
+        self._set(at.problem, at.path, at.rows, at.tr.lengths, s, sign)
+        return True
 
     def _jump(self, point: BranchPoint) -> Jump | None:
         """Return a jump of L that the path crosses, or None."""

@@ -83,6 +83,11 @@ class Held(Problem):
         """Whether paths close that may start anywhere, as those of the question do."""
         return self.free.closes
 
+    @property
+    def is_course(self) -> bool:
+        """It is: what is in contact is held there on the mesh of the path."""
+        return True
+
     @cached_property
     def rests(self) -> tuple[Rest | None, Rest | None]:
         """The equilibria beyond either end: those of the question."""

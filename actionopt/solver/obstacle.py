@@ -354,20 +354,13 @@ class Along(Workspace[Iterate]):
         A part that would have to be pulled is freed, one inside of the obstacle is held, if it is
         so by more than is `allowed`, in the path's own size; `inside` tells by how much.
         """
-        here, held, m = self.here, self.contact_problem, self.question.system.m
+        here, held = self.here, self.contact_problem
         assert held.arcs is not None
-        t = sample_times(here)
-        q, f, on = here.path(t), rows_along(here, t), held.active(t)[m:]
-        G = held.system.constraint_jacobian(q, t, parameters=held.parameters)[m:]
-        push = np.zeros(f.shape)
-        if on.any():
-            push = held.contact_force(q, here.path.velocity(t), t, parameters=held.parameters)
+        t, on, depth, push, unit = contact_conditions(here, here.sizes)
         known = max(here.error if np.isfinite(here.error) else 0.0, here.resolution.worst)
-        depth = np.where(on, 0.0, -f) / np.einsum("rnk,n->rk", np.abs(G), here.sizes)
         self.inside = float(depth.max(initial=0.0))
         inside = depth > max(INSIDE * known, allowed)
-        unit = here.tr.action_unit / (here.problem.duration * here.tr.row_units[m:, None])
-        pulled = on & (push < -PULLING * np.maximum(np.abs(push).max(initial=0.0), unit))
+        pulled = on & is_pulled(push, unit)
         found = [
             arc
             for arc in held.arcs
@@ -402,3 +395,26 @@ class Along(Workspace[Iterate]):
         """Whether the impulse of a moment points inwards."""
         node = self.here.mesh.offsets[np.argmin(np.abs(self.here.mesh.boundaries - arc.begin))]
         return bool(self.here.rows[node, self.question.system.m + arc.row] > 0)
+
+
+def contact_conditions(at: DiscretePath, sizes: Array) -> tuple[Array, ...]:
+    """Return times (K,), and what Karush, Kuhn and Tucker's conditions ask between the nodes.
+
+    Which rows are in contact, (r, K); how deep the path is inside of the others, in its sizes (n,);
+    what those in contact push with, and the unit of that, (r, 1).
+    """
+    held, t = at.problem, sample_times(at)
+    assert isinstance(held, Held)
+    m, q, f = held.free.system.m, at.path(t), rows_along(at, t)
+    on, push = held.active(t)[m:], np.zeros(f.shape)
+    G = held.system.constraint_jacobian(q, t, parameters=held.parameters)[m:]
+    if on.any():
+        push = held.contact_force(q, at.path.velocity(t), t, parameters=held.parameters)
+    depth = np.where(on, 0.0, -f) / np.einsum("rnk,n->rk", np.abs(G), sizes)
+    unit = at.tr.action_unit / (held.duration * at.tr.row_units[m:, None])
+    return t, on, depth, push, unit
+
+
+def is_pulled(push: Array, unit: Array) -> Array:
+    """Return where an obstacle would have to pull, (r, K), by more than round-off."""
+    return push < -PULLING * np.maximum(np.abs(push).max(initial=0.0), unit)
