@@ -119,7 +119,10 @@ def calls(folder):
         "plot.motion": ((solution, draw), {"ax": None, "count": 3, "force": False}),
         "plot.motion_data": ((solution, draw, 3), {"force": False}),
         "plot.overview": ((solution,), {"axes": None}),
-        "plot.page": ((problem, folder / "a.html"), {"draw": None, "guess": None, "units": None}),
+        "plot.page": (
+            (problem, folder / "a.html"),
+            {"draw": None, "guess": None, "units": None, "lang": None},
+        ),
         "plot.paths": ((solution,), {"ax": None, "compare": True}),
         "plot.phasors": ((solution, 0.1), {"axes": None, "mode": 0, "coordinate": 0}),
         "plot.phasors_data": ((solution, 0.1), {"mode": 0}),

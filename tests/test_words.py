@@ -22,7 +22,7 @@ from actionopt.gallery.texts import texts
 from actionopt.plot._relaxation import VERDICTS
 from actionopt.plot._runs import QUANTITIES
 from actionopt.plot.live import film
-from actionopt.plot.live.page import STATIC, whole
+from actionopt.plot.live.page import STATIC
 from actionopt.plot.live.words import PAGE_WORDS
 from actionopt.tools.document import document
 from actionopt.tools.words import SPOKEN, TABLES, language, say, table
@@ -185,9 +185,9 @@ def test_the_script_of_the_live_figure_fills_its_words():
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_a_live_page_speaks_one_language(name):
-    with language(name):
-        html = whole(scenes.get("oscillator"))
+def test_a_live_page_speaks_one_language(name, tmp_path):
+    plot.page(scenes.get("oscillator"), tmp_path / "page.html", lang=name)
+    html = (tmp_path / "page.html").read_text(encoding="utf-8")
     shown = json.loads(re.findall(r'(?s)<script type="application/json">(.*?)</script>', html)[0])
     assert shown["words"]["solve"] == {"de": "Lösen", "fr": "Résoudre"}[name]
     assert f'<html lang="{name}">' in html

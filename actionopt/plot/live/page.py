@@ -26,7 +26,7 @@ from actionopt.tools.document import document
 from actionopt.tools.files import ready, write
 from actionopt.tools.greek import letter
 from actionopt.tools.texts import read
-from actionopt.tools.words import say
+from actionopt.tools.words import current, language, say
 
 SCRIPTS = ("action.js", "sentences.js", "live.js")
 MINUS_SIGN = "\N{MINUS SIGN}"
@@ -40,6 +40,7 @@ def page(
     draw: Draw | None = None,
     guess: Guess | None = None,
     units: UnitNames | None = None,
+    lang: str | None = None,
 ) -> None:
     """Write a page on which the path of a problem is bent, solved and relaxed by its reader.
 
@@ -57,19 +58,23 @@ def page(
         In place of a scene's guess.
     units : UnitNames, optional
         Words for the labels; SI for a scene, none for a problem.
+    lang : {"en", "de", "fr"}, optional
+        Of the words; by default that of `plot.language`.
 
     Raises
     ------
     ValueError
-        For a path that closes, an event at infinite time, an obstacle, or a law that a page
-        cannot compute.
+        For a path that closes, events between its ends, on surfaces or at infinite or unknown
+        times, an obstacle, given integrals, accelerations, or a law that a page cannot compute.
     SolveError
         If no path is found.
     OSError
         If the file cannot be written.
     """
     target = ready(file, ".html", ".htm")
-    write(target, whole(question, draw=draw, guess=guess, units=units))
+    with language(current() if lang is None else lang):
+        text = whole(question, draw=draw, guess=guess, units=units)
+    write(target, text)
 
 
 @check_arguments
