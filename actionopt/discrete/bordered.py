@@ -167,6 +167,13 @@ class Bordered:
         """Return the borders that are none of a phase."""
         return tuple(b for b in self.borders if not isinstance(b, PhaseCondition))
 
+    def without_integrals(self, y: Array) -> tuple[Bordered, Array]:
+        """Return those of a path whose integrals may have any value, at multipliers zero."""
+        pairs = zip(self.borders, self.parts, strict=True)
+        kept = [(b, y[part]) for b, part in pairs if not isinstance(b, Integral)]
+        other = Bordered(self.asked, self.first, tuple(b for b, _ in kept))
+        return other, np.concatenate([y[: self.first.layout.size], *(beta for _, beta in kept)])
+
     @property
     def lengths(self) -> Array:
         """Units of the coordinates, (n,)."""
@@ -410,6 +417,9 @@ def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:
     tr = Transcription(problem, path.mesh, lengths)
     at = DiscretePath(tr, tr.pack(path.values.T))
     slopes, force = integrals(at)[1], tr.gradient(at.x) * tr.action_unit
+    # What pushes at an event is no force that a multiplier has to balance.
+    at_events = np.isin(tr.layout.free // problem.system.n, tr.joints)
+    slopes, force = np.where(at_events, 0.0, slopes), np.where(at_events, 0.0, force)
     if not (np.isfinite(slopes).all() and np.isfinite(force).all()):
         return np.zeros(len(slopes))
     if problem.system.order > 1:  # rough parts count for less, as they do in motion

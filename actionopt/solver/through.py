@@ -39,7 +39,7 @@ from actionopt.solver.rays import RAY_ROUNDS, Ray, rays
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import APPROACHES, Unfixed
 from actionopt.solver.verdict import solution_of
-from actionopt.solver.waves import first_waves, wave_mesh
+from actionopt.solver.waves import first_guessed, first_waves, wave_mesh
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
@@ -262,9 +262,11 @@ def starts(
     if guess is not None:
         path, times = read_guess(problem, guess)
         for begun in begin_on_surface(path, problem):
+            if problem.integral is not None:
+                yield from first_guessed(problem, begun, times)
+                continue
             yield begun, times
-            if problem.integral is None:
-                yield relax_legs(problem, begun, times), times
+            yield relax_legs(problem, begun, times), times
         return
     random = np.random.default_rng(seed)
     base = _points(problem)

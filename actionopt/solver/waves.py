@@ -29,8 +29,9 @@ from actionopt.tools.types import Array
 WAVE_ELEMENTS, WAVE_DEGREE, WAVES, NARROW = 8, 6, 6, 8
 # Steps to the values of integrals; slopes that are none; the last step, and what may be left.
 PROJECTION_STEPS, SMALL_SLOPE, LAST_PROJECTION, REACHED_VALUE = 50, 1e-10, 1e-6, 1e-3
-# First paths before a continuation in the values; its first part of the way, and steps.
-BEFORE_CONTINUATION, FIRST_PART, VALUE_STEPS = 4, 0.1, 40
+# First paths before a continuation in the values; its first part of the way, how often that is
+# halved, and steps.
+BEFORE_CONTINUATION, FIRST_PART, FIRST_PARTS, VALUE_STEPS = 4, 0.1, 6, 40
 
 
 def first_waves(
@@ -93,29 +94,58 @@ def _continue(
     first, last = integrals(DiscretePath(tr, origin))[0], np.array(problem.integral)
     first_sine = np.eye(len(variations))[0]
     for sign in (1.0, -1.0):
-        share, step, path, kappa, joints = 0.0, FIRST_PART, None, None, times
-        for _ in range(VALUE_STEPS):
-            now = min(share + step, 1.0)
-            values = first + now * (last - first)
-            start = path
-            if start is None:
-                z = _project(tr, origin, variations, sign * first_sine, values)
-                if z is None:
-                    break
-                start = DiscretePath(tr, z).path
-            near = problem.replace(integral=values)
-            known = {"times": joints, "kappa": kappa}
-            equations, y = Bordered.around(near, start, None, tr.lengths, **known)
-            reached = approach(equations, y, APPROACHES)
-            if reached is None:
-                step /= 2
-                continue
-            at = equations.discrete(reached[0])
-            share, path, kappa, step = now, at.path, at.problem.kappa, step * 2
-            joints = times_of(at.problem)
-            if share == 1.0:
-                yield path, joints
+        for share in FIRST_PART / 2.0 ** np.arange(FIRST_PARTS):
+            values = first + share * (last - first)
+            z = _project(tr, origin, variations, sign * first_sine, values)
+            if z is None:
                 break
+            found = list(lead(problem, DiscretePath(tr, z), None, float(share)))
+            yield from found
+            if found:
+                break
+
+
+def first_guessed(problem: Problem, path: Path, times: Array) -> Iterator[tuple[Path, Array]]:
+    """Yield a guess, and where a continuation leads from the path near it without integrals."""
+    yield path, times
+    lengths, none = problem.found_at(times).lengths, np.zeros(len(problem.integral or ()))
+    path = path.on(with_degrees(path.mesh, problem.system.order))
+    whole = Bordered.around(problem, path, None, lengths, times=times, kappa=none)
+    equations, y = whole[0].without_integrals(whole[1])
+    found = approach(equations, y, APPROACHES)
+    if found is not None:
+        yield from lead(problem, equations.discrete(found[0]), none)
+
+
+def lead(
+    problem: Problem, at: DiscretePath, kappa: Array | None, share: float = 0.0
+) -> Iterator[tuple[Path, Array]]:
+    """Yield the path that a continuation leads to as integrals grow to the values asked.
+
+    From a path whose integrals have `share` of that way behind them, to the multipliers of which
+    `kappa` (c,) are near, if they are known.
+    """
+    asked, lengths = np.array(problem.integral), at.tr.lengths
+    first = (integrals(at)[0] - share * asked) / (1 - share)
+    path, times = at.path, times_of(at.problem)
+    step, now = FIRST_PART, share or FIRST_PART
+    for _ in range(VALUE_STEPS):
+        near = problem.replace(integral=first + now * (asked - first))
+        known = {"times": times, "kappa": kappa}
+        equations, y = Bordered.around(near, path, None, lengths, **known)
+        found = approach(equations, y, APPROACHES)
+        if found is None and kappa is None:
+            return
+        if found is None:
+            step /= 2
+        else:
+            at = equations.discrete(found[0])
+            share, path, kappa, step = now, at.path, at.problem.kappa, step * 2
+            times = times_of(at.problem)
+            if share == 1.0:
+                yield path, times
+                return
+        now = min(share + step, 1.0)
 
 
 def _project(
