@@ -243,3 +243,22 @@ def test_a_kick_may_move_a_forced_path_far_when_it_is_seen():
     change = solution.velocity(after)[0] - solution.velocity(before)[0]
     gravity = -9.81 * np.sin(solution(c)[0]) * 2 * w
     assert change == pytest.approx(kick + gravity, abs=1e-3)
+
+
+def test_members_of_a_sweep_whose_pulse_gets_narrower_see_it():
+    """Of the first member the pulse is wide, and no element has to end there."""
+    c, widths = 0.4123, np.geomspace(1e-1, 1e-6, 6)[1:]
+    system = ao.System(
+        lambda q, v, t, *, w: (
+            v[0] ** 2 / 2 - q[0] ** 2 / 2 + q[0] * 0.3 / w * np.exp(-(((t - c) / w) ** 2))
+        ),
+        ["x"],
+        parameters={"w": 0.1},
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.5]))
+    runs = ao.sweep(problem, {"w": widths})
+    assert not runs.failed.any()
+    # x = p sin t + the convolution of the pulse with sin, whose Fourier transform is a Gaussian
+    kick = 0.3 * np.sqrt(np.pi) * np.exp(-(widths**2) / 4)
+    exact = (0.5 - kick * np.sin(1 - c)) / np.sin(1)
+    assert np.max(np.abs(runs.momenta[:, 0, 0] - exact)) < 1e-8

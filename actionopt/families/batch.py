@@ -34,6 +34,7 @@ from actionopt.families.members import Members, checked_columns, member, refusal
 from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
 from actionopt.families.vary import lead_to, position_in_parameters, slope, slope_along
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.pulses import centres
 from actionopt.solver.arguments import check_arguments
 from actionopt.solver.family import NOISE
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplification, estimate, sizes
@@ -198,7 +199,9 @@ class _Members:
             return
         for i, known in given.items():
             self._hold(i, known)
-        if not (_can_be_stacked(self.problem, self.times) and self._begin(first, solution)):
+        if not (
+            _can_be_stacked(self.problem, self.times, self.packed) and self._begin(first, solution)
+        ):
             for way in (range(first + 1, count), range(first - 1, -1, -1)):
                 last, nearest = solution, first
                 for i in way:
@@ -531,8 +534,8 @@ class _Members:
         return Q
 
 
-def _can_be_stacked(problem: Problem, times: Array) -> bool:
-    """Whether members are plain enough to be solved together."""
+def _can_be_stacked(problem: Problem, times: Array, packed: Array) -> bool:
+    """Whether members of these times and parameters are plain enough to be solved together."""
     system = problem.system
     structure = system.structure
     far = np.abs(times).max(axis=1) > LATE_TIME * (times[:, 1] - times[:, 0])
@@ -546,6 +549,10 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
     late = structure.depends_on_time and bool(far.any())
     if not plain or late or problem.boundaries or system.switches or system.clock:
         return False
+    if system.pulses is not None:  # elements end there, of each member where its own are
+        laws = np.unique(np.hstack([times, packed]), axis=0)
+        if any(centres(system.pulses, t0, t1, np.array([p])) for t0, t1, *p in laws.tolist()):
+            return False
     try:
         for name in PROGRAMS:
             compile_function(system, name)
