@@ -289,3 +289,88 @@ def test_values_alone_are_given_where_there_are_no_derivatives(tmp_path):
     assert verdict(found["scipy:COBYQA"], "minimise") == "right"
     with pytest.raises(ValueError, match="shooting has no derivatives"):
         suite.model("shooting").gradient(np.zeros(4))
+
+
+# -- fields ----------------------------------------------------------------------------------
+
+
+def test_a_twisted_bar_has_the_stiffness_that_is_known_and_yields_beyond_its_twist():
+    # -Laplace u = 2 twist in the unit square: f* = - twist^2 J / 2, where J = 0.140577014955.
+    fine, coarse = (suite.model("torsion", cells=k, twist=0.5).f_star for k in (24, 12))
+    exact = -0.125 * 0.140577014955
+    assert abs(fine - exact) < abs(coarse - exact) / 3.8 < 2e-4
+    assert (4 * fine - coarse) / 3 == pytest.approx(exact, rel=1e-4)
+    yields = [in_force(suite.model("torsion", cells=24, twist=t)).sum() for t in (1.4, 1.6, 4.0)]
+    assert yields[0] == 0 and 0 < yields[1] < yields[2]
+
+
+def test_a_membrane_rests_on_its_hill_alone():
+    problem = suite.model("membrane", cells=16)
+    rests = in_force(problem).reshape(15, 15)
+    assert rests[7, 7] and not rests[0].any() and np.array_equal(rests, rests.T)
+    laplace = hessian(problem, problem.x_star) @ problem.x_star  # of its heights: it pulls down
+    np.testing.assert_allclose(laplace[~rests.ravel()], 0, atol=1e-12)
+    assert np.all(laplace[rests.ravel()] > 0)
+
+
+def test_a_soap_film_tends_to_scherks_surface():
+    errors = []
+    for cells in (12, 24):
+        problem = suite.model("soap_film", cells=cells)
+        at = np.linspace(-1.2, 1.2, cells + 1)[1:-1]
+        surface = np.log(np.cos(at[:, None]) / np.cos(at))
+        found = problem.x_star.reshape(cells - 1, cells - 1)
+        errors.append(min(abs(found - surface).max(), abs(found - surface.T).max()))
+    assert errors[1] < errors[0] / 3 and errors[1] < 1e-3
+
+
+# -- control ---------------------------------------------------------------------------------
+
+
+def test_effort_between_bounds_is_that_of_the_continuous_control():
+    for most in (4.2, 5.0):
+        # u = b clip((1/2 - t) / a): a^2 = 3 (b/4 - 1) / b, and the effort b^2 (1/2 - 2 a / 3).
+        a = np.sqrt(3 * (most / 4 - 1) / most)
+        effort = most**2 * (0.5 - 2 * a / 3)
+        found = suite.model("double_integrator", elements=200, most=most).f_star
+        assert found == pytest.approx(effort, rel=1e-4)
+    assert suite.model("double_integrator", elements=200, most=9.0).f_star == pytest.approx(6, 1e-4)
+    with pytest.raises(ValueError, match="expected a bound of more than 4"):
+        suite.model("double_integrator", most=4.0)
+
+
+def test_no_bound_is_in_force_on_a_singular_arc():
+    problem = suite.model("singular_arc", elements=20, distance=0.525)
+    u, lam = problem.x_star[20:], problem.lam_star
+    np.testing.assert_allclose(u, [-1.0] * 10 + [-0.5] + [0.0] * 9, atol=1e-12)
+    assert np.all(lam[:10] < 0) and np.all(lam[10:] == 0)
+
+
+# -- complementarity -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("resisting", [0.0, 0.7, 3.0, 40.0])
+def test_minima_of_blocks_are_those_of_the_hand(resisting):
+    problem = suite.model("blocks_by_hand", blocks=3, effort=0.4, resisting=resisting)
+    d = np.array([2, 4, -resisting or 6])
+    hands = np.linspace(0, 12, 120001)
+    slips = np.maximum(hands[:, None] - np.arange(1, 4), 0)
+    f = ((slips - d) ** 2).sum(axis=1) / 2 + 0.2 * hands**2
+    ends = np.concatenate([[np.inf], f, [np.inf]])
+    low = np.flatnonzero((f < ends[:-2]) & (f < ends[2:]))
+    found = sorted(s.x[0] for s in (problem.optimum, *problem.others))
+    np.testing.assert_allclose(found, hands[low], atol=1e-4)
+    assert problem.f_star == pytest.approx(f.min(), abs=1e-7)
+    x, c = problem.x_star, problem.constraints(problem.x_star)
+    assert [min(x[i], c[row]) for i, row in problem.pairs] == [0, 0, 0]
+    biactive = [max(x[i], c[row]) == 0 for i, row in problem.pairs]
+    assert any(biactive) == (resisting >= 3.0)  # from 1.8 on
+
+
+@pytest.mark.parametrize("resisting", [3.0, 40.0])
+def test_a_biactive_pair_has_multipliers_of_the_right_sign(resisting):
+    problem = suite.model("blocks_by_hand", blocks=3, effort=0.4, resisting=resisting)
+    x, lam = problem.x_star, problem.lam_star
+    slope = problem.gradient(x) + jacobian(problem, x).T @ lam
+    assert np.all(slope >= -1e-12) and np.all(np.abs(slope * x) <= 1e-12)
+    assert np.all(lam[:3] <= 0) and np.all(lam[3:] >= 0) and lam[2] < -1

@@ -177,6 +177,20 @@ DIALS = {
                     "the term of the Hessian that Gauss leaves out; at 36.1 x* is no minimum",
                 ),
                 (
+                    "twist",
+                    "torsion",
+                    "twist",
+                    (1.0, 1.5, 2.0, 3.0, 5.0, 10.0),
+                    "how much of the bar yields: none up to 1.48",
+                ),
+                (
+                    "cells",
+                    "membrane",
+                    "cells",
+                    (8, 16, 32, 64, 128),
+                    "unknowns, its square, and how much the factors of the matrix fill in",
+                ),
+                (
                     "noise",
                     "shooting",
                     "tolerance",

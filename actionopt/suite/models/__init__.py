@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from actionopt.suite.models import fits, floors, infeasible, small
+from actionopt.suite.models import control, fields, fits, floors, friction, infeasible, small
 from actionopt.suite.models.model import Model
 
 MODELS: dict[str, Callable[..., Model]] = {
@@ -22,5 +22,11 @@ MODELS: dict[str, Callable[..., Model]] = {
         small.brachistochrone,
         small.ritz_oscillator,
         small.shooting,
+        fields.torsion,
+        fields.membrane,
+        fields.soap_film,
+        control.double_integrator,
+        control.singular_arc,
+        friction.blocks_by_hand,
     )
 }
