@@ -581,6 +581,47 @@ SMALL = """(() => {
 })()"""
 
 
+def test_an_exercise_takes_a_number_before_it_answers(gallery, chromium):
+    chromium.open(gallery / "course" / "hunt.html", still=True)
+    form = "document.querySelector('form.guess')"
+    answer = f"{form}.nextElementSibling"
+    assert chromium.run(f"{answer}.hidden")
+    # S of the straight line: 5 - 4.905, by hand
+    marks = {"?!": "unread", "0,095": "right", "0.1": "near", "5": "wrong", "-0.095": "sign"}
+    for typed, mark in marks.items():
+        chromium.run(f"{form}.querySelector('input').value = '{typed}'; {form}.requestSubmit()")
+        assert chromium.run(f"{form}.dataset.mark") == mark, typed
+        assert chromium.run(f"{answer}.hidden") == (mark == "unread")
+
+
+def test_an_address_brings_back_the_path_and_what_was_typed(gallery, chromium):
+    file = gallery / "course" / "minus.html"
+    chromium.open(file, still=True)
+    chromium.run("document.querySelector('.live [data-do=solve]').click()")
+    chromium.run("document.querySelector('.live').live.setParameter(0, 0.75)")
+    chromium.run("document.querySelector('.live .handle[data-handle=\"4\"]').focus()")
+    chromium.key("ArrowUp")
+    chromium.run(
+        "document.querySelector('form.guess input').value = '1';"
+        "document.querySelector('form.guess').requestSubmit()"
+    )
+    chromium.until("location.hash.includes('guess-1')")
+    seen = "(d => [d.action, d.kind, d.duration])(document.querySelector('.live').dataset)"
+    S, *before = chromium.run(seen)
+    address = chromium.run("location.hash")
+    chromium.open(gallery / "index.html")
+    chromium.events.clear()
+    chromium.order("Page.navigate", url=file.as_uri() + address)
+    while "Page.loadEventFired" not in chromium.events:
+        chromium.read()
+    again, *after = chromium.run(seen)
+    assert after == before and before[0] == "minimum"
+    assert abs(float(again) - float(S)) < 1e-6 * abs(float(S))  # seven digits of the path
+    assert chromium.run("document.querySelector('form.guess').dataset.mark") == "near"
+    assert chromium.run("document.querySelector('.live').live.A.p[0]") == 0.75
+    assert chromium.errors == []
+
+
 # Of each part of a page, the images with their widths.
 EVERY_IMAGE = """(tabs => (tabs.length ? tabs : [document.body]).flatMap(tab => {
   tab.click();

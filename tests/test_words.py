@@ -16,6 +16,7 @@ from actionopt import plot, scenes, solve
 from actionopt.gallery import figures, scene_page
 from actionopt.gallery.course import pages
 from actionopt.gallery.course.lessons import LESSONS
+from actionopt.gallery.index_page import IDEAS
 from actionopt.gallery.page import SITE
 from actionopt.gallery.story import PARAGRAPH, TEMPLATE
 from actionopt.gallery.texts import texts
@@ -39,11 +40,14 @@ def said():
         *film.CONTROL_WORDS.values(),
         *film.SPEEDS.values(),
         *pages.LESSON_PARTS,
+        *pages.MARKS.values(),
+        pages.UNREAD,
         scene_page.LIVE,
         scene_page.NOT_LIVE,
         scene_page.UNWRITTEN,
         *QUANTITIES.values(),
     }
+    found |= {text for *texts, _ in IDEAS for text in texts}
     found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
     found |= {*PAGE_WORDS.values(), *(text for said in VERDICTS.values() for text in said)}
     story = PARAGRAPH.finditer(TEMPLATE.read_text(encoding="utf-8"))
@@ -51,7 +55,7 @@ def said():
     for lesson in LESSONS:
         found |= {lesson.title, lesson.idea, lesson.trap}
         found |= {*lesson.predict, *lesson.attempt, *lesson.explain}
-        found |= {text for e in lesson.exercises for text in (e.question, e.answer)}
+        found |= {text for e in lesson.exercises for text in (e.question, e.answer, e.label)}
     for name in scenes.SCENES:
         words, own = texts(name), scenes.get(name).words
         found |= {

@@ -152,7 +152,7 @@ def page_of(scene: scenes.Scene, words: Texts, folder: str) -> Page:
         main,
         root="../",
         description=translate(scene.title),
-        scripts=["tabs.js", "film.js", *SCRIPTS],
+        scripts=["film.js", *SCRIPTS, "tabs.js"],
     )
     files = {f"{folder}index.html": html, f"{folder}thumbnail.svg": film.thumbnail(s)}
     for picture in (picture for part in drawn.values() for picture in part):

@@ -16,11 +16,20 @@ class Exercise:
         Text as `typeset` takes it; the answer has names of the program in braces.
     program : str
         Python, to be run by itself.
+    asked : str
+        The name in the program of the number that a reader types in first.
+    unit : str
+        Of that number, as text; none if empty.
+    label : str
+        Which of several numbers it is.
     """
 
     question: str
     program: str
     answer: str
+    asked: str
+    unit: str = ""
+    label: str = "Your number"
 
     def run(self) -> dict[str, Any]:
         """Return the names that the program leaves."""
@@ -41,7 +50,7 @@ class Lesson:
     predict, explain : tuple of str
         Paragraphs.
     explorer : str
-        Scene of the path that can be dragged in the page; none if empty.
+        Scene, or one of `experiments`, of the path that can be dragged in the page.
     parts : tuple of str
         Its buttons and panels that are not folded away.
     attempt : tuple of str

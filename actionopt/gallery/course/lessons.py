@@ -44,6 +44,9 @@ print("S =", straight, "J s")
 """,
             "The kinetic energy is {kinetic:.4g} J all the time, the potential energy "
             "{potential:.4g} J in the mean. So S = {straight:.3g} J s.",
+            "straight",
+            "J s",
+            label="S",
         ),
         Exercise(
             "Give the ball a vertical acceleration -a instead of -g, with the same ends. For which "
@@ -62,6 +65,9 @@ best, least = a[np.argmin(S)], S.min()
 print("a =", best, "m/s^2, S =", least, "J s")
 """,
             "At a = {best:.3g} m/s^2, which is g: S = {least:.4g} J s there.",
+            "best",
+            "m/s^2",
+            label="a",
         ),
         Exercise(
             "Let the machine hunt. Which action does it find, and how high does the ball fly?",
@@ -76,6 +82,9 @@ action, top = path.action, path(np.linspace(0, 1, 10001))[1].max()
 print("S =", action, "J s, top", top, "m")
 """,
             "S = {action:.5g} J s, and {top:.4g} m: the parabola again.",
+            "top",
+            "m",
+            label="height",
         ),
     ),
 )
@@ -129,6 +138,9 @@ one, two, four = (action(e) - action(0) for e in (0.1, 0.2, 0.4))
 print(one, two, four, "J s")
 """,
             "By {one:.4g}, {two:.4g} and {four:.4g} J s: four times as much for each doubling.",
+            "one",
+            "J s",
+            label="for e = 0.1 m",
         ),
         Exercise(
             "The same bends of the straight line, flown at constant speed: by how much does S "
@@ -151,6 +163,9 @@ print(up, down, "J s")
 """,
             "By {up:.3g} and {down:.3g} J s: it falls one way and rises the other. The straight "
             "line is not stationary.",
+            "up",
+            "J s",
+            label="for e = 0.1 m",
         ),
         Exercise(
             "A mass of 1 kg on a spring of 1 N/m moves for 4 s. Its motion is bent by "
@@ -165,6 +180,8 @@ change = np.trapezoid((rate**2 - eta**2) / 2, t)  # exact: S is quadratic in the
 print(change, "J s")
 """,
             "It changes by {change:.3g} J s, and so falls: stationary, and yet not least.",
+            "change",
+            "J s",
         ),
     ),
 )
@@ -180,8 +197,8 @@ LOCAL = Lesson(
         "path could be checked piece by piece?",
     ),
     attempt=(
-        "Open a scene's page, press Solve, drag one handle, and look at the missing force: "
-        "where is it not zero? Only near the handle that you moved.",
+        "Press Solve, drag one handle, and look at the missing force: where is it not zero? Only "
+        "near the handle that you moved.",
     ),
     explain=(
         "Take three places on the path, a time h apart: before, here and after. Move only the one "
@@ -196,6 +213,8 @@ LOCAL = Lesson(
     trap="The principle does not say that nature looks ahead. It is a law about pieces, in "
     "disguise.",
     scenes=("pendulum", "projectile"),
+    explorer="projectile",
+    parts=("missing",),
     exercises=(
         Exercise(
             "A ball is at 0 m, and 0.1 s later at 0.5 m. Where is it after another 0.1 s?",
@@ -206,6 +225,8 @@ after = 2 * here - before - g * h**2
 print(after, "m")
 """,
             "At {after:.4g} m: as far again, less g h^2.",
+            "after",
+            "m",
         ),
         Exercise(
             "Go on like this for a pendulum of 1 m, from 0.5 rad at rest, for 1 s in 100 steps. "
@@ -228,6 +249,8 @@ print(angle, "rad, off by", off)
 """,
             "It is at {angle:.4f} rad, off by {off:.1g} rad. A hundred steps of three points each "
             "are already a good pendulum.",
+            "off",
+            "rad",
         ),
         Exercise(
             "Which force is missing all along the straight line of the ball of 1 kg?",
@@ -238,6 +261,8 @@ missing = m * acceleration + m * g
 print(missing, "N, upwards")
 """,
             "{missing:.3g} N upwards, its weight: someone would have to carry the ball.",
+            "missing",
+            "N",
         ),
     ),
 )
@@ -253,8 +278,9 @@ T_MINUS_V = Lesson(
         "sum T + V were stationary? Sketch the ball's path there.",
     ),
     attempt=(
-        "Turn the sign of V in the first exercise's program, and solve. Then double the mass, "
-        "in T and V alike: does the path change?",
+        "Here L = T - (1 - 2 s) V. Press Solve, and slide s from 0 to 1, from T - V to T + V: when "
+        "is the path straight, and how does it hang then? Slide the mass, which is in T and V "
+        "alike: does the path change?",
     ),
     explain=(
         "From the lesson before: the slope of S with the middle place is the force less mass times "
@@ -272,6 +298,8 @@ T_MINUS_V = Lesson(
     ),
     trap="T - V is not conserved and is not an energy that the body has.",
     scenes=("projectile", "oscillator"),
+    explorer="minus",
+    parts=("parameters",),
     exercises=(
         Exercise(
             "Solve for the ball with L = T + V. How far below or above the straight line is it "
@@ -285,6 +313,9 @@ below = 0.5 - float(path(0.5)[1])
 print("halfway it is", below, "m below the straight line")
 """,
             "{below:.4g} m below: it falls upwards, and has to be thrown downwards.",
+            "below",
+            "m",
+            label="below the straight line",
         ),
         Exercise(
             "A mass on a spring moves as x = cos(t), in SI units with m = k = 1. What are the "
@@ -300,6 +331,9 @@ S = abs(np.trapezoid(T - V, t))
 print(kinetic, potential, "J, S =", S, "J s")
 """,
             "{kinetic:.4g} J and {potential:.4g} J: the same, and so S = {S:.0f} J s.",
+            "S",
+            "J s",
+            label="S of a period",
         ),
         Exercise(
             "Add 5 J to V everywhere. By how much does S of the ball change, and its path?",
@@ -320,6 +354,9 @@ print(change, "J s;", apart, "m")
 """,
             "S changes by {change:.4g} J s, for every path alike. The path does not change: where "
             "the zero of V is makes no difference.",
+            "change",
+            "J s",
+            label="change of S",
         ),
     ),
 )
@@ -339,8 +376,9 @@ LIGHT = Lesson(
         "Which way does it bend?",
     ),
     attempt=(
-        "Run the program of the second exercise with other gradients of the index n, up to 0.5 per "
-        "metre: how deep does the light dip? Where do you see the sky?",
+        "Bend the ray over the hot road, and look at its optical length. Press Solve from the "
+        "straight line, then pull the middle far down and press Solve again: there are two rays. "
+        "Along which of them do you see the sky?",
     ),
     explain=(
         "Fermat: between two points light takes a way whose time is stationary. With the place "
@@ -361,6 +399,7 @@ LIGHT = Lesson(
         "is a saddle: a detour makes it slower still.",
     ),
     trap="Fermat's principle too says stationary: light does not look for the fastest way.",
+    explorer="mirage",
     exercises=(
         Exercise(
             "Light goes from 1 m above the water to 1 m below it, and 1 m sideways; it is 1.33 "
@@ -377,6 +416,9 @@ print(cross, "m", ratio)
 """,
             "It crosses at {cross:.3f} m, past the middle, and the sines are as {ratio:.3f} to 1: "
             "Snell's law.",
+            "cross",
+            "m",
+            label="place of crossing",
         ),
         Exercise(
             "Above a road n^2 = 1 + y / 5, with y in metres. Light goes over 4 m from 1 m to "
@@ -393,6 +435,8 @@ print(dip, "m")
 """,
             "By {dip:.4g} m. The ray is a parabola, as that of a stone; only that it bends "
             "upwards.",
+            "dip",
+            "m",
         ),
         Exercise(
             "A bead slides from a speed of 1 m/s without friction, 1 m down and 2 m sideways, with "
@@ -411,6 +455,9 @@ straight = (-1 + np.sqrt(1 + 2 * a * np.hypot(1, 2))) / a
 print(fast, "s instead of", straight, "s")
 """,
             "It takes {fast:.4g} s instead of {straight:.4g} s. It falls first, to be fast early.",
+            "fast",
+            "s",
+            label="time of the best slide",
         ),
     ),
 )
@@ -453,6 +500,8 @@ focus = ao.conjugate_points(path)[0].t
 print(focus, "s")
 """,
             "After {focus:.4g} s, half a period.",
+            "focus",
+            "s",
         ),
         Exercise(
             "With m = k = 1 in SI units, what is the Morse index of a motion of 10 s?",
@@ -465,6 +514,7 @@ index = path.morse_index
 print(index)
 """,
             "{index}: three multiples of pi fit into 10.",
+            "index",
         ),
         Exercise(
             "On a ball the shortest ways are great circles. Is one of 200 degrees along the "
@@ -486,6 +536,8 @@ print(index, focus)
 """,
             "No: its index is {index}. The focus is the opposite point, at {focus:.4g} degrees; "
             "past it the other way round is shorter.",
+            "index",
+            label="index",
         ),
     ),
 )
@@ -502,6 +554,8 @@ PUSH = Lesson(
         "A wire turns and takes a bead along. Can a force that is always across the wire do work?",
     ),
     attempt=(
+        "The path below is one of x and y, and its handles stay on the circle: pull one, and the "
+        "other coordinate follows. No paths but these are compared.",
         "Watch the arrows in the films of the pendulum with its rod, of the mass on a circle, and "
         "of "
         "the turning wire. When are they longest? When do they turn round?",
@@ -519,6 +573,8 @@ PUSH = Lesson(
     ),
     trap="A force of constraint is not given beforehand: it is found together with the motion.",
     scenes=("rod_pendulum", "polar_pendulum", "sliding_off_circle", "turning_wire"),
+    explorer="rod_pendulum",
+    parts=("picture",),
     exercises=(
         Exercise(
             "How hard does the rod of the scene rod_pendulum pull at the lowest point, in parts of "
@@ -539,6 +595,7 @@ print(pull, "N", parts, speed)
 """,
             "With {pull:.4g} N, {parts:.3g} times the weight: it carries that and turns a velocity "
             "of {speed:.3g} m/s round.",
+            "parts",
         ),
         Exercise(
             "At which angle does a mass leave a ball that it slides down, from rest at the top?",
@@ -555,6 +612,8 @@ angle = float(np.degrees(np.interp(0, -normal, path(t)[1])))
 print(angle, "degrees")
 """,
             "At {angle:.4g} degrees, where the cosine is two thirds.",
+            "angle",
+            "degrees",
         ),
         Exercise(
             "How much work does the wire of the scene turning_wire do on the bead?",
@@ -567,6 +626,8 @@ work = float(path.energy(1.0) - path.energy(0.0))
 print(work, "J")
 """,
             "{work:.3g} J: all of it goes into the kinetic energy, for there is no potential.",
+            "work",
+            "J",
         ),
     ),
 )
@@ -582,6 +643,8 @@ SYMMETRY = Lesson(
         "in its Lagrangian, before anything is solved?",
     ),
     attempt=(
+        "Press Solve, pull the path aside along x, and then upwards, and look at the missing "
+        "force in each coordinate. Slide g: which of the two momenta can notice?",
         "Open the pages of these scenes, and look which curves under Energy function and momenta "
         "are broad and straight. Which letter is missing in the Lagrangian each time?",
     ),
@@ -600,6 +663,8 @@ SYMMETRY = Lesson(
     ),
     trap="Constant on one motion is not conserved: conserved is what a symmetry keeps on all.",
     scenes=("projectile", "kepler_polar", "screw", "inverted_cone"),
+    explorer="projectile",
+    parts=("missing", "parameters"),
     exercises=(
         Exercise(
             "Kepler's planet of the scene kepler: what is its angular momentum at the start and at "
@@ -617,6 +682,8 @@ last = float(x * w - y * u)
 print(first, last, "m^2/s")
 """,
             "{first:.6g} and {last:.6g} m^2/s: equal areas in equal times.",
+            "first",
+            "m^2/s",
         ),
         Exercise(
             "In the scene screw neither p_phi nor p_z is conserved. By how much do they change, "
@@ -633,6 +700,9 @@ print(one, two, both)
 """,
             "By {one:.3g} J s and {two:.3g} N s; the combination by {both:.0e} N s, which is "
             "round-off.",
+            "one",
+            "J s",
+            label="change of p_phi",
         ),
         Exercise(
             "A free particle of 2 kg goes 3 m in 1.5 s. The end is moved by 1 cm. By how much does "
@@ -647,6 +717,9 @@ print(change, "J s, p dx =", p * 0.01, "J s")
 """,
             "By {change:.4g} J s, which is p times the shift, {p:.3g} N s times 0.01 m, to first "
             "order: the momentum is the slope of S with the end.",
+            "change",
+            "J s",
+            label="change of S",
         ),
     ),
 )
@@ -662,10 +735,9 @@ SUM = Lesson(
         "And if fifty of them point the same way?",
     ),
     attempt=(
-        "In \u201cIs it really least?\u201d look at the arrows of neighbouring paths, laid end to "
-        "end: near the motion they make a long step, far from it they curl up. Change the constant "
-        "of Planck in the "
-        "program below.",
+        "Look at the arrows of neighbouring paths, laid end to end: near the motion they make a "
+        "long step, far from it they curl up. Make the constant of Planck smaller, and slide the "
+        "duration past half a period.",
     ),
     explain=(
         "Each path has an arrow that has turned by the angle S / hbar. Where S has a slope, "
@@ -683,6 +755,7 @@ SUM = Lesson(
     ),
     trap="The particle does not choose one of the paths: all of them count.",
     scenes=("oscillator",),
+    explorer="oscillator",
     exercises=(
         Exercise(
             "Add the arrows exp(i S2 a^2 / (2 hbar)) with S2 = 1, hbar = 1 over all bends a. How "
@@ -697,6 +770,8 @@ length, angle = abs(total), np.degrees(np.angle(total))
 print(length, angle)
 """,
             "{length:.4g}, nearly the square root of 2 pi, at {angle:.3g} degrees.",
+            "length",
+            label="length of the sum",
         ),
         Exercise(
             "The same with S2 = -1, as for the bend that costs less past the first focus.",
@@ -709,6 +784,9 @@ length, angle = abs(total), np.degrees(np.angle(total))
 print(length, angle)
 """,
             "As long, at {angle:.3g} degrees: turned back by a quarter of a turn.",
+            "angle",
+            "degrees",
+            label="angle of the sum",
         ),
         Exercise(
             "A ball of 1 kg is bent off its way by e sin(pi t / T) with T = 1 s. For which e has "
@@ -723,6 +801,8 @@ e = np.sqrt(np.pi * hbar * 4 * T / m) / np.pi
 print(e, "m")
 """,
             "For {e:.2g} m. For a ball the paths that count are one path.",
+            "e",
+            "m",
         ),
     ),
 )

@@ -8,6 +8,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from actionopt.gallery.course.experiments import EXPERIMENTS
 from actionopt.gallery.course.lesson import Lesson
 from actionopt.gallery.course.lessons import BY_NAME
 from actionopt.mechanics.tracing import suggestion
@@ -15,10 +16,10 @@ from actionopt.tools.files import write
 from actionopt.tools.words import current, numerals, say
 
 EXPLORER = """\
-from actionopt import plot, scenes
+{source}
 
 with plot.language("{lang}"):
-    window = plot.explore(scenes.get("{name}"))
+    window = plot.explore({question})
 window
 """
 
@@ -50,8 +51,8 @@ def notebook(lesson: Lesson, answers: bool) -> dict[str, Any]:
     parts = (("Predict", lesson.predict), ("Try", lesson.attempt), ("Explain", lesson.explain))
     for title, paragraphs in parts:
         cells.append(_words(f"## {say(title)}\n\n" + "\n\n".join(map(say, paragraphs))))
-        if title == "Try" and lesson.explorer:
-            cells.append(_program(EXPLORER.format(name=lesson.explorer, lang=current())))
+        if title == "Try":
+            cells.append(_program(_explorer(lesson.explorer)))
     for k, given in enumerate(lesson.exercises, 1):
         cells.append(_words(f"## {say('Exercise {k}', k=k)}\n\n{say(given.question)}"))
         if answers:
@@ -64,6 +65,16 @@ def notebook(lesson: Lesson, answers: bool) -> dict[str, Any]:
         cell["id"] = f"{lesson.name}-{k}"
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     return {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
+
+
+def _explorer(name: str) -> str:
+    """Return the program that shows the path to be bent."""
+    source, question = "from actionopt import plot, scenes", f'scenes.get("{name}")'
+    if name in EXPERIMENTS:
+        source = "from actionopt import plot\n"
+        source += f"from actionopt.gallery.course.experiments import {name}"
+        question = f"{name}()"
+    return EXPLORER.format(source=source, question=question, lang=current())
 
 
 def _words(text: str) -> dict[str, Any]:

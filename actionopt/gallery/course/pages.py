@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 
 from actionopt import scenes
+from actionopt.gallery.course.experiments import EXPERIMENTS
 from actionopt.gallery.course.lesson import Exercise, Lesson
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.course.pictures import pictures
 from actionopt.gallery.figures import Figure
 from actionopt.gallery.page import Page, escape, frame, table, typeset
 from actionopt.plot import SI
+from actionopt.plot._names import units_of
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
-from actionopt.tools.words import say
+from actionopt.tools.words import number, say
 
 LESSON_PARTS = ("Predict", "Try", "Explain", "Exercises")
 
@@ -82,7 +85,7 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
     """Return the page of the k-th lesson, with its figures."""
     lesson = LESSONS[k]
     exercises = "".join(map(_exercise, range(1, 4), lesson.exercises))
-    widget = _live(lesson) if lesson.explorer else ""
+    widget = _live(lesson)
     shown = "".join(f"<figure>{x.html()}" for x in drawn)
     count = say("Lesson {k} of {count}", k=k + 1, count=len(LESSONS))
     minutes = say("{m} minutes", m=sum(lesson.minutes))
@@ -98,16 +101,58 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
 <pre class="program"><code>actionopt exercise {lesson.name}</code></pre></section>
 {_turn(k)}
 </article>"""
-    scripts = ["film.js", *(SCRIPTS if widget else ())]
+    scripts = ["film.js", *SCRIPTS, "guess.js"]
     description = say(lesson.idea)
     return frame(say(lesson.title), main, root="../", description=description, scripts=scripts)
 
 
 def _live(lesson: Lesson) -> str:
-    """Return the path of a lesson's scene to be bent, its motion not shown."""
-    problem = scenes.get(lesson.explorer).problem
-    words = say("Drag a handle, or use the arrow keys.")
-    return figure(problem, solve(problem, tol=1e-10), units=SI, caption=words, parts=lesson.parts)
+    """Return the path of a lesson to be bent, its motion not shown; its sum over paths is."""
+    words = say("Drag a handle, or use the arrow keys. The page's address holds what you did.")
+    if lesson.explorer in EXPERIMENTS:
+        problem = EXPERIMENTS[lesson.explorer]()
+        return figure(
+            problem, solve(problem), units=SI, caption=words, name=lesson.name, parts=lesson.parts
+        )
+    scene = scenes.get(lesson.explorer)
+    return figure(
+        scene.problem,
+        solve(scene.problem, tol=1e-10, guess=scene.guess),
+        units=units_of(scene),
+        draw=scene.draw if "picture" in lesson.parts else None,
+        caption="" if lesson.name == "sum" else words,
+        name=lesson.name,
+        arrows=lesson.name == "sum",
+        measure=scene.measure,
+        parts=lesson.parts,
+    )
+
+
+MARKS = {  # what is said of a number that was typed in
+    "right": "Right: it is {x}.",
+    "near": "Near: it is {x}.",
+    "sign": "The size is about right, the sign is not: it is {x}.",
+    "wrong": "No: it is {x}. Compare how you found yours.",
+    "given": "It is {x}.",
+}
+UNREAD = "Type a number, such as {x}."
+EXAMPLE = 0.25  # of a number that can be typed
+ROUNDED_OFF = 1e-18  # in the units of the exercises: round-off
+
+
+def _guess(k: int, exercise: Exercise, value: float) -> str:
+    """Return the field in which a number is typed before the answer is seen; it needs guess.js."""
+    unit = say("degrees") if exercise.unit == "degrees" else exercise.unit
+    digits = number(value if abs(value) > ROUNDED_OFF else 0.0, 3)
+    shown = f"{digits} {unit}".strip().replace("^2", "\N{SUPERSCRIPT TWO}")
+    words = {mark: say(text, x=shown) for mark, text in MARKS.items()}
+    words["unread"] = say(UNREAD, x=number(EXAMPLE))
+    return f"""<form class="guess" id="guess-{k}" data-value="{value!r}"
+data-words="{escape(json.dumps(words))}" hidden><label>{say(exercise.label)}
+<input type="text" inputmode="decimal" autocomplete="off"> {typeset(unit)}</label>
+<button>{say("Compare")}</button>
+<button type="button" class="quiet" data-give>{say("I have none")}</button>
+<output></output></form>"""
 
 
 def _exercise(k: int, exercise: Exercise) -> str:
@@ -124,6 +169,7 @@ def _exercise(k: int, exercise: Exercise) -> str:
     )
     return (
         f'<div class="exercise"><p><b>{k}.</b> {_translate(exercise.question)}</p>'
+        f"{_guess(k, exercise, float(found[exercise.asked]))}"
         f'<details class="answer"><summary>{say("Answer")}</summary><p>{answer}</p>{shown}'
         "</details></div>"
     )

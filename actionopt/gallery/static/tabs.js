@@ -1,6 +1,7 @@
 // Sections of a page as tabs, one seen at a time: in print, and without scripts, all of them are.
 (() => {
   "use strict";
+  const { address } = globalThis.actionopt;
   document.querySelectorAll("[data-tabs]").forEach((box) => {
     const panels = [...box.children].filter((x) => x.matches("section")), list = document.createElement("div");
     const tabs = panels.map((panel, k) => {
@@ -9,7 +10,7 @@
       tab.textContent = heading.dataset.tab;
       for (const [name, value] of Object.entries({ type: "button", role: "tab", id: `tab-${k + 1}`, "aria-controls": panel.id })) tab.setAttribute(name, value);
       for (const [name, value] of Object.entries({ role: "tabpanel", "aria-labelledby": tab.id, tabindex: 0 })) panel.setAttribute(name, value);
-      tab.addEventListener("click", () => show(k));
+      tab.addEventListener("click", () => { show(k); address.set("part", k ? panel.id : null); });
       tab.addEventListener("keydown", (event) => {
         const to = { ArrowRight: k + 1, ArrowLeft: k - 1, Home: 0, End: panels.length - 1 }[event.key];
         if (to === undefined) return;
@@ -32,8 +33,6 @@
         panels[k].classList.toggle("unseen", k !== at);
       });
     }
-    const asked = () => panels.findIndex((panel) => location.hash === `#${panel.id}`);
-    addEventListener("hashchange", () => asked() >= 0 && show(asked()));
-    show(Math.max(0, asked()));
+    show(Math.max(0, panels.findIndex((panel) => address.get("part") === panel.id)));
   });
 })();

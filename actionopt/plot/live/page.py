@@ -28,7 +28,7 @@ from actionopt.tools.greek import letter
 from actionopt.tools.texts import read
 from actionopt.tools.words import current, language, say
 
-SCRIPTS = ("action.js", "sentences.js", "live.js")
+SCRIPTS = ("action.js", "address.js", "sentences.js", "live.js")
 MINUS_SIGN = "\N{MINUS SIGN}"
 PAGE_TOL = 1e-10  # of the path that the page has as its answer
 

@@ -17,7 +17,7 @@
   const DIGITS = 5, HIDDEN = 1e-7; // of the range of S that are shown; of it or of S, what its differences lose
   const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
   const still = matchMedia("(prefers-reduced-motion: reduce)");
-  const { Action, compiled, sentences, TRUSTED } = globalThis.actionopt;
+  const { Action, address, compiled, sentences, TRUSTED } = globalThis.actionopt;
   const POINT = document.documentElement.lang === "en" ? "." : ",";
 
   // A sentence with values in its braces.
@@ -296,7 +296,7 @@
       if (panel) folded(panel.box, name);
     const folds = html(figure, "div", { class: "folds" });
     const numbers = data.parameters.length ? html(folds, "details") : null;
-    if (numbers) html(numbers, "summary", {}, W.parameters);
+    if (numbers) { html(numbers, "summary", {}, W.parameters); numbers.open = wanted.includes("parameters"); }
     const table = numbers && html(numbers, "div", { class: "controls sliders" });
     data.parameters.forEach(({ name, place, value }) => {
       const [low, high] = value ? [0.1 * value, 2.5 * value].sort((a, b) => a - b) : [-1, 1];
@@ -310,6 +310,7 @@
         tell();
       });
       made.input.addEventListener("change", refocus); // let go
+      made.recall = () => { made.input.value = A.p[place]; tell(); };
       made.reset = () => { made.input.value = value; tell(); };
       (table.rows ??= []).push(made);
       tell();
@@ -524,6 +525,7 @@
       time.input.setAttribute("aria-valuetext", time.clock.textContent);
       sum();
       show();
+      keep();
       Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()), known: motion.known, last, range: extent });
     }
 
@@ -886,6 +888,27 @@
       draw();
     }
 
+    // -- what the reader did, for the address: revealed, duration, parameters, path, its motion
+    const origin = A, key = data.name;
+    let untouched = null;
+    const onOrigin = (Q) => address.packed(A === origin ? Q : A.carried(Q, origin));
+    const state = () => [Number(shown), A.duration, Array.from(A.p).join(","), onOrigin(trial), seen() && !motion.own ? onOrigin(motion.Q) : ""].join("~");
+    function keep() {
+      if (untouched !== null && held === null && busy === null) address.set(key, state() === untouched ? null : state());
+    }
+    function recall(text) { // as far as it is understood; the motion is solved for again
+      const [yes, T, p, path, other] = text.split("~");
+      p.split(",").forEach((x, place) => { if (Number(x) !== A.p[place]) setParameter(place, Number(x)); });
+      if (Math.abs(Number(T) - A.duration) > 1e-12 * A.duration) setDuration(Number(T));
+      const laid = (rows) => (rows.length === origin.count * n ? (A === origin ? Float64Array.from(rows) : origin.carried(Float64Array.from(rows), A)) : null);
+      const Q = other && laid(address.numbers(other)), found = Q && A.resolved(Q, (B, at) => B.newton(at));
+      if (found?.known) take(found, { own: false, foci: null });
+      const mine = laid(address.numbers(path));
+      told(yes === "1");
+      if (mine) become(mine.map((x, i) => (A.ends[0][i] !== null && i < n ? A.ends[0][i] : i >= mine.length - n && A.ends[1][i - mine.length + n] !== null ? A.ends[1][i - mine.length + n] : x)));
+      table?.rows.forEach((row) => row.recall());
+    }
+
     function restart() {
       stop();
       motion = given();
@@ -979,6 +1002,9 @@
     if (shown && !("sum" in figure.dataset)) ways.bend();
     else if (!shown) message.textContent = W.hint;
     foci();
+    untouched = state();
+    const before = address.get(key);
+    if (before) try { recall(before); } catch { restart(); } // a link of another page, or torn
     new ResizeObserver(layout).observe(figure);
     figure.live = { get A() { return A; }, sum, setDuration, setParameter, trial: () => trial, motion: () => motion.Q, known: () => motion.known, foci: () => motion.foci };
   }
