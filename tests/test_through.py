@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.factors import full
-from actionopt.plot import spectrum_data
+from actionopt.plot import fan_data, fronts_data, spectrum_data
 
 FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
 OSCILLATOR = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
@@ -329,6 +329,8 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
     for ask in (
         lambda: ao.second_variation(found),
         lambda: spectrum_data(found),
+        lambda: fan_data(found),
+        lambda: fronts_data(found),
     ):
         with pytest.raises(ValueError, match="without events between its ends"):
             ask()
@@ -465,7 +467,9 @@ def on_sphere(theta, phi):
     return [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]
 
 
-@pytest.mark.parametrize(("height", "half"), [(-0.9, 0.8), (0.3, 1.1)])
+@pytest.mark.parametrize(
+    ("height", "half"), [(-0.9, 0.8), pytest.param(0.3, 1.1, marks=pytest.mark.slow)]
+)
 def test_reflections_on_a_sphere(height, half):
     sphere = ao.System(
         lambda q, v, t: v @ v / 2, "x y z".split(), constraint=lambda q, t: q @ q - 1

@@ -16,6 +16,7 @@ from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
 from actionopt.analysis.shooting import motions
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
+from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
@@ -69,8 +70,10 @@ def fan_data(solution: Solution, count: int = 12, spread: float = 0.15) -> Fan:
     """Return motions whose first velocities differ from the solution's by up to `spread` of it.
 
     They differ in the direction that refocuses at the first conjugate point, or where there is
-    none most slowly leaves the path. Raises ValueError for non-conservative forces.
+    none most slowly leaves the path. Raises ValueError for non-conservative forces, and for a path
+    through events, which these motions would not pass.
     """
+    check_whole(solution.problem, "a fan of neighbours")
     points = conjugate_points(solution)
     problem, start = solution.problem, solution.start
     t = times(solution, CURVE_TIMES // 2)
@@ -128,9 +131,10 @@ def fronts_data(
     before the conjugate one. Half as far from the solution's, and again, where many run away.
 
     Raises ValueError for non-conservative forces and for constraints: S is no function then of
-    all the places around the path.
+    all the places around the path. And for a path through events, as `fan_data`.
     """
     problem, start = solution.problem, solution.start
+    check_whole(problem, "the wave front")
     if problem.system.m:
         raise ValueError("expected a system without constraints, found one with; try `fan`")
     first = min((p.t for p in conjugate_points(solution)), default=None)
