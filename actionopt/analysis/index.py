@@ -159,7 +159,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     d2S/dT2 = -dE/dT. What moves a closed path along itself, or as a whole by a symmetry of L, makes
     no other path of it, but where the start gives coordinates.
     """
-    asked, touches = at.problem.asked or at.problem, isinstance(at.problem, Held)
+    asked, touches = at.problem.original, isinstance(at.problem, Held)
     moves = () if touches else moves_of(asked)
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)
@@ -190,7 +190,7 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     Wright, *Numerical Optimization* (2nd ed. 2006), theorem 16.3), on the mesh of the path. Raises
     ValueError as `inertia` does.
     """
-    equations, z = equations_of(at.problem.asked or at.problem, at)
+    equations, z = equations_of(at.problem.original, at)
     return _on_its_mesh(at, equations, z, tolerance_of(error))
 
 
@@ -201,7 +201,7 @@ def inertia_on_surfaces(at: DiscretePath, error: float) -> Inertia:
     """
     rows = at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)
-    bordered, y = Bordered.around(at.problem.asked or at.problem, at.path, lam, at.tr.lengths)
+    bordered, y = Bordered.around(at.problem.original, at.path, lam, at.tr.lengths)
     return _on_its_mesh(at, bordered, y, tolerance_of(error))
 
 

@@ -107,7 +107,7 @@ def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
     not among them. None where it finds no stationary path near. Raises ValueError as `resolved`
     does.
     """
-    at, asked = first, first.problem.asked or first.problem
+    at, asked = first, first.problem.original
     for _ in range(FIELD_ROUNDS):
         equations: Equations = at.tr
         z = at.z

@@ -141,7 +141,7 @@ def monodromy(solution: Solution) -> Monodromy:
     found = transport_matrix(resolve(at, solution.error, MONODROMY_RESOLUTION)).view(Monodromy)
     if problem.closes:
         discrete = solution.discrete
-        asked = problem.asked or problem
+        asked = problem.original
         moves = moves_of(asked)
         bordered, _ = Bordered.around(asked, solution.path, None, discrete.tr.lengths, moves)
         found.trivial = bordered.phases
@@ -155,7 +155,7 @@ def _through(solution: Solution) -> Monodromy:
     the events follow the ends.
     """
     problem, n = solution.problem, solution.problem.system.n
-    asked = problem.asked or problem
+    asked = problem.original
     times = times_of(problem)
     q0, q1 = solution.path.values[:, 0], solution.path.values[:, -1]
     ends = Event(times[0], q0), Event(times[-1], q1)

@@ -86,7 +86,7 @@ def asked_of(problem: Problem | Detached) -> dict[str, Any]:
 
 def _tail(event: Event) -> list[Any] | None:
     """Return what is kept of an end beyond which the path comes from rest or tends to it."""
-    return [event.rest, event.side, event.phase] if isinstance(event, Tail) else None
+    return [event.near, event.side, event.phase] if event.side else None
 
 
 def solution_file(file: str | FilePath) -> FilePath:
@@ -140,19 +140,19 @@ class Detached:
     @property
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
-        return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+        return None if self.end.advance is None else np.array(self.end.advance)
 
     @property
     def order(self) -> tuple[int, ...]:
         """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
-        return self.end.order if isinstance(self.end, Periodic) else ()
+        return self.end.order
 
     closes = False  # it has no system that would say whether there is a clock
 
     @property
     def has_tails(self) -> bool:
         """Whether an event lies at infinite time."""
-        return isinstance(self.start, Tail) or isinstance(self.end, Tail)
+        return bool(self.start.side or self.end.side)
 
     @property
     def rests(self) -> tuple[Rest | None, Rest | None]:

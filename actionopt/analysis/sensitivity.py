@@ -27,7 +27,6 @@ from actionopt.discrete.stretch import explicit
 from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.mechanics.events import RATES
 from actionopt.mechanics.held import Held
-from actionopt.mechanics.problem import Tail
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
@@ -164,8 +163,8 @@ def slopes(
         level = explicit(system)(at_rest, still, tr.times, problem.packed, held)[1]
         packed = packed - np.sum(tr.weight * level, axis=0)
         L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
-        times[0] = 0.0 if isinstance(problem.start, Tail) else times[0] + float(L[0])
-        times[-1] = 0.0 if isinstance(problem.end, Tail) else times[-1] - float(L[1])
+        times[0] = 0.0 if problem.start.side else times[0] + float(L[0])
+        times[-1] = 0.0 if problem.end.side else times[-1] - float(L[1])
     return {
         "q0": by_place[0],
         "q1": by_place[-1],
@@ -247,7 +246,7 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
     ends are moved, along the tangent planes of constraints.
     """
     problem, n, order = at.problem, at.tr.layout.width, at.tr.order
-    asked, ends = problem.asked or problem, (problem.start, problem.end)
+    asked, ends = problem.original, (problem.start, problem.end)
     start, end = (
         e._replace(t=x.t, q=None, **dict.fromkeys(RATES))
         for e, x in zip((asked.start, asked.end), ends, strict=True)

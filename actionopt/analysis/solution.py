@@ -33,7 +33,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.events import Bounce, Event, State, Tail
+from actionopt.mechanics.events import Bounce, Event, State
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem
@@ -323,7 +323,7 @@ class Solution:
         times = numbers(t, "the times")
         flat, problem = times.ravel(), self.problem
         low, high = (
-            t if isinstance(event, Tail) else away
+            t if event.side else away
             for t, event, away in zip(
                 self.mesh.boundaries[[0, -1]],
                 (problem.start, problem.end),
@@ -556,7 +556,7 @@ class Solution:
         At the end of each, to first order, in the coordinates' sizes. Of events on one surface,
         anywhere on it and at any time: others may be kicks.
         """
-        asked, found = self.problem.asked or self.problem, 0.0
+        asked, found = self.problem.original, 0.0
         size = np.abs(self.path.values).max(axis=1)
         size = np.where(size > ZERO_SIZE * size.max(), size, size.max() or 1.0)
         legs: Any = zip(asked.through, parts[:-1], parts[1:], strict=True)

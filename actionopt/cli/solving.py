@@ -103,7 +103,7 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
         "verdict": solution.status.value,
         "action": solution.action,
         "error": solution.error,
-        **({"duration": solution.duration} if (question.asked or question).free_time else {}),
+        **({"duration": solution.duration} if question.original.free_time else {}),
         "mesh": {"elements": solution.mesh.elements, "degrees": solution.mesh.degrees},
         **solution.stats,
     }

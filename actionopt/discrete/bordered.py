@@ -154,7 +154,7 @@ class Bordered:
     def around_another(self, tr: Transcription) -> Bordered:
         """Return those of the same unknowns round another discrete action of the same shape."""
         problem = tr.problem
-        other = Bordered(problem.asked or problem, tr, self.borders)
+        other = Bordered(problem.original, tr, self.borders)
         other.reach = self.reach
         return other
 

@@ -571,7 +571,7 @@ class PhaseCondition:
         directions = left / root[:, None]  # in the coordinates
         B[: layout.unknowns] = left * root[:, None]
         # Coordinates that the start gives are conditions as far as they can be met by moving.
-        known = asked.start.pinned if asked.closes else ()
+        known = asked.phase_coordinates
         pinned = [int(layout.number[0, i]) for i in known]
         size = np.zeros(layout.width)
         np.maximum.at(size, layout.free % layout.width, np.linalg.norm(directions, axis=1))

@@ -26,7 +26,7 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Group
 from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
+from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
@@ -39,13 +39,12 @@ VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it conv
 
 def with_contact_times(tr: Transcription, times: Array, moves: Array) -> Transcription:
     """Return the discrete problem whose times of contact (J,) move, and the elements with them."""
-    held = tr.problem
-    assert isinstance(held, Held) and held.arcs is not None
+    held = contacts_of(tr.problem)
     after = dict(zip(times.tolist(), (times + moves).tolist(), strict=True))
     moved = held.holding(
         tuple(
             Arc(arc.row, after.get(arc.begin, arc.begin), after.get(arc.end, arc.end))
-            for arc in held.arcs
+            for arc in held.arcs or ()
         )
     )
     before, now = (np.union1d(held.fixed_times, t) - held.start.t for t in (times, times + moves))
@@ -65,8 +64,7 @@ def tangency_step(
     """
     tr, count = equations.at(z), times.size
     at = DiscretePath(tr, z[: tr.layout.size])
-    held = tr.problem
-    assert isinstance(held, Held)
+    held = contacts_of(tr.problem)
     knots, where = np.union1d(held.fixed_times, times), np.searchsorted(held.fixed_times, times)
     # All times from one on move, so that a short part behind it keeps its length.
     shifted = (where[:, None] == where) & (np.arange(count)[:, None] >= np.arange(count))
@@ -120,8 +118,7 @@ class ContactEquations:
     held: Held = field(init=False)
 
     def __post_init__(self) -> None:
-        assert isinstance(self.first.problem, Held)
-        self.held = self.first.problem
+        self.held = contacts_of(self.first.problem)
         self.times, self.lengths = self.held.contact_times, self.first.lengths
         arcs = [t for arc in self.held.arcs or () for t in (arc.begin, arc.end)]
         if np.sum(~np.isin(arcs, self.held.fixed_times)) != self.times.size:
@@ -254,9 +251,8 @@ class Slip(NamedTuple):
 
 def slips(at: DiscretePath) -> Iterator[Slip]:
     """Yield how the path meets the obstacle where contact begins and ends, on the free side."""
-    held, mesh = at.problem, at.mesh
-    assert isinstance(held, Held) and held.arcs is not None
-    for arc in held.arcs:
+    held, mesh = contacts_of(at.problem), at.mesh
+    for arc in held.arcs or ():
         for t, first in ((arc.begin, False), (arc.end, True)):
             if t not in held.fixed_times:
                 b = int(np.argmin(np.abs(mesh.boundaries - t)))
@@ -269,8 +265,7 @@ def _slip(at: DiscretePath, row: int, boundary: int, first: bool) -> Slip:
     The velocity there satisfies the constraints in force. Newton's method from the polynomial's:
     one step where L is quadratic in v.
     """
-    held, tr, mesh = at.problem, at.tr, at.mesh
-    assert isinstance(held, Held)
+    held, tr, mesh = contacts_of(at.problem), at.tr, at.mesh
     element, system, packed = boundary if first else boundary - 1, held.system, held.packed
     n, m, point = system.n, system.m, tr.place(at.x)
     group = next(g for g in tr.layout.groups if element in g.elements)

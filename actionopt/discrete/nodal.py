@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
-from actionopt.mechanics.problem import Problem, Tail
+from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
 
@@ -57,7 +57,7 @@ def terms(problem: Problem, mesh: Mesh) -> tuple[Term, ...]:
             sign = -float(rest.side)
             pull = sign * rest.p, sign * rest.slope
             found.append(Term(node, k, rest.q, *pull, action=rest.action))
-    phase = problem.start.phase if isinstance(problem.start, Tail) else None
+    phase = problem.start.phase
     if phase is not None:
         k = int(np.argmin(np.abs(mesh.boundaries - phase.t)))
         normal = np.array(phase.normal)

@@ -204,7 +204,7 @@ def solve_all(
     check_problem(problem)
     tolerance(tol)
     check_progress(progress)
-    problem = problem.asked or problem
+    problem = problem.original
     _check_clock(problem)
     whole = problem.whole
     if whole.is_infinite:

@@ -14,7 +14,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, with_values
-from actionopt.mechanics.problem import Periodic, Problem
+from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
 
 
@@ -121,7 +121,7 @@ def checked_columns(problem: Problem, columns: Mapping[Any, ArrayLike]) -> dict[
         known = name in ("t0", "t1") or name in scalars
         if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
             event = problem.start if name[0] == "start" else problem.end
-            closed = name[0] == "end" and isinstance(event, Periodic)
+            closed = name[0] == "end" and event.advance is not None
             known = not closed and name[1] in system.coordinates
             known = known and event.q[system.coordinates.index(name[1])] is not None
         if not known:

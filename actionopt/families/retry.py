@@ -53,7 +53,7 @@ def work(
     problem = pickle.loads(question)
     if guess is not None:
         return one_by_one(problem, members, columns, guess, options, lead=False)
-    if problem.free_time or problem.is_infinite or problem.on_surface:
+    if problem.has_open_ends or problem.is_infinite:
         assert beside.paths is not None  # they are always kept
         numbers = enumerate(members.tolist())
         paths = {j: path for j, i in numbers if (path := beside.paths.path(i)) is not None}

@@ -136,7 +136,7 @@ class Answers:
     def __post_init__(self) -> None:
         problem = self.problem
         self.closed = problem.advance is not None
-        found = problem.free_time or problem.on_surface or problem.is_joined
+        found = problem.has_open_ends or problem.is_joined
         self.given = not (found or problem.system.r)
         # Where times, places or contacts are found as well the whole question is not linear.
         self.linear = problem.system.structure.linear and self.given

@@ -113,7 +113,7 @@ def sweep(
     """
     check_problem(problem)
     tolerance(tol)
-    problem = problem.asked or problem
+    problem = problem.original
     if problem.free_time and problem.closes and problem.system.n > 1:
         raise ValueError(
             "expected events, or a period that is given, to sweep over, found closed paths of a "

@@ -137,7 +137,7 @@ def has_more_than_path(problem: Problem) -> bool:
     Or legs, or L contains accelerations. Then paths tell what was found, and members are solved
     one by one.
     """
-    found = problem.free_time or problem.is_infinite or problem.on_surface
+    found = problem.has_open_ends or problem.is_infinite
     found = found or problem.system.order > 1
     return bool(found or problem.through) or problem.integral is not None
 

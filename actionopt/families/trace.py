@@ -120,7 +120,7 @@ def trace(
     """
     check_problem(problem)
     check_progress(progress)
-    family, value = _family(problem.asked or problem, vary, start)
+    family, value = _family(problem.original, vary, start)
     if problem.has_free_boundary or problem.is_infinite:
         problem.system.check_free("a branch knows contact between given events alone; sweep does")
     to, steps = number(to, "the value to go to"), whole(steps, "the most points to compute", 1)

@@ -12,7 +12,8 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.borders import times
 from actionopt.discrete.path import Path
 from actionopt.mechanics.course import SWITCHES
-from actionopt.mechanics.problem import Event, Periodic, Problem, Tail
+from actionopt.mechanics.events import Event, Tail
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import MULTIPLIERS, System
 from actionopt.tools.types import Array
 
@@ -31,7 +32,7 @@ def present(problem: Problem, name: Name) -> float:
     ValueError
         If there is no such quantity, or the events leave it open.
     """
-    problem = problem.asked or problem
+    problem = problem.original
     if name == "energy" and name not in problem.parameters:
         if problem.energy is None:
             raise ValueError(
@@ -43,7 +44,7 @@ def present(problem: Problem, name: Name) -> float:
         event = problem.start if name == "t0" else problem.end
         if event.t is None:
             raise ValueError(f"expected a time that is given, found {name!r}, which is free")
-        if np.isinf(event.t) or isinstance(event, Tail):
+        if np.isinf(event.t) or event.side:
             raise ValueError(
                 f"expected a finite time to vary, found the event at infinity as {name!r}"
             )
@@ -64,7 +65,7 @@ def _of_events(problem: Problem, name: tuple) -> float:
     """Return what an event gives, or the value of an integral. Raises ValueError if none does."""
     kind, *which = name
     if kind in ("start", "end") and len(which) == 1:
-        if kind == "end" and isinstance(problem.end, Periodic):
+        if kind == "end" and problem.advance is not None:
             raise ValueError("expected an end of its own to vary: this one closes on the start")
         return _value_at(problem, problem.start if kind == "start" else problem.end, which[0])
     values = np.atleast_1d([] if problem.integral is None else np.array(problem.integral))
@@ -107,7 +108,7 @@ def with_values(problem: Problem, values: Mapping[Name, float]) -> Problem:
     >>> later.end.t, later.end.q, float(later.parameters["g"])
     (2.0, (0.5,), 1.62)
     """
-    problem = problem.asked or problem
+    problem = problem.original
     events = {"start": list(problem.start.near), "end": list(problem.end.near)}
     moments, parameters = {"t0": problem.start.t, "t1": problem.end.t}, {}
     through = [{"t": e.t, "q": list(e.q)} for e in problem.through]
@@ -160,7 +161,7 @@ def slope(problem: Problem, known: Mapping[str, Array], name: Name) -> Array:
     if name[0] == "through":
         return known["through_q"][..., name[1], system.coordinates.index(name[2])]
     i = system.coordinates.index(name[1])
-    if isinstance(problem.end, Periodic):  # it moves along
+    if problem.advance is not None:  # it moves along
         return known["q0"][..., i] + known["q1"][..., i]
     return known["q0" if name[0] == "start" else "q1"][..., i]
 
@@ -171,7 +172,7 @@ def slope_along(solution: Solution, names: Iterable[Name]) -> list[float]:
     With forces that are not conservative, contact, or durations that are found.
     """
     problem, names = solution.problem, list(names)
-    forced, free_time = problem.system.structure.forced, (problem.asked or problem).free_time
+    forced, free_time = problem.system.structure.forced, problem.original.free_time
     if forced or problem.system.r or free_time or not solution.success:
         return [np.nan] * len(names)
     known = slopes(solution.discrete, solution.momenta, solution.jumps)
@@ -181,9 +182,9 @@ def slope_along(solution: Solution, names: Iterable[Name]) -> list[float]:
 
 def _event(old: Event, t: float, q: list[float | None]) -> Event:
     """Return an event of the same kind at another time and place."""
-    if isinstance(old, Periodic):
+    if old.advance is not None:
         return old.at(t)
-    if isinstance(old, Tail):
+    if old.side:
         return Tail(t, np.array(q, dtype=float), old.side, old.phase)
     return old._replace(t=t, q=q)
 

@@ -130,7 +130,7 @@ def check_course(problem: Any) -> tuple[Event, ...]:
                 f"number {i} of all; sort them"
             )
     unknown = any(e.t is None or e.on is not None for e in found)
-    _refuse(problem, unknown or problem.free_time or problem.on_surface)
+    _refuse(problem, unknown or problem.has_open_ends)
     _check_sides(problem, found)
     return tuple(found)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Never
+from typing import Any, ClassVar, NamedTuple, Never
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,6 +55,11 @@ class Event:
     q: tuple[float | None, ...]
     on: Any = field(repr=False)  # a callable; in a problem, the surface traced
     rates: tuple[tuple[float | None, ...] | None, ...]  # v, a, j; as far as they are given
+    # What only a path that closes has at its end, and one that comes to rest beyond a window.
+    advance: ClassVar[tuple[float, ...] | None] = None
+    order: ClassVar[tuple[int, ...]] = ()
+    side: ClassVar[int] = 0
+    phase: ClassVar[Phase | None] = None
 
     def __init__(
         self,
@@ -127,6 +132,11 @@ class Event:
     def near(self) -> tuple[float | None, ...]:
         """The coordinates as far as they are known: those given, or of the equilibrium."""
         return self.q
+
+    @property
+    def limit(self) -> Event:
+        """The event of which it is the edge of a window: itself."""
+        return self
 
     @property
     def pinned(self) -> tuple[int, ...]:
@@ -250,7 +260,7 @@ class Bounce(Event):
         return f"Bounce(on=..., t={self.t}, q={q})"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Periodic(Event):
     """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
 
@@ -355,7 +365,7 @@ class Phase(NamedTuple):
     weight: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Tail(Event):
     """The edge of a window in time, beyond which a path comes from rest or tends to it.
 

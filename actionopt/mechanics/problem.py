@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.course import check_course, check_rates, take_turns
-from actionopt.mechanics.events import Event, Periodic, Tail
+from actionopt.mechanics.events import Event, Periodic
 from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants, merge
 from actionopt.mechanics.obstacle import check_outside, check_rows
@@ -256,7 +256,7 @@ class Problem:
     @property
     def joints(self) -> tuple[Event, ...]:
         """The same as they were asked for, with their surfaces."""
-        return (self.asked or self).joints_found
+        return self.original.joints_found
 
     def _repr_html_(self) -> str:
         """Show the system's formulas and the events, as a notebook does."""
@@ -303,7 +303,7 @@ class Problem:
         >>> later.end.t, float(later.parameters["g"]), float(later.parameters["l"])
         (3.0, 1.62, 2.0)
         """
-        old = self.asked or self
+        old = self.original
         start, end = old.start if start is None else start, old.end if end is None else end
         free = getattr(start, "t", 0.0) is None or getattr(end, "t", 0.0) is None
         return Problem(
@@ -335,6 +335,16 @@ class Problem:
     def on_surface(self) -> bool:
         """Whether an event lies on a surface, where on it is to be found."""
         return self.start.on is not None or self.end.on is not None
+
+    @property
+    def has_open_ends(self) -> bool:
+        """Whether the time or the place of an end is to be found."""
+        return self.free_time or self.on_surface
+
+    @property
+    def original(self) -> Problem:
+        """The problem as it was asked for, with nothing found yet."""
+        return self.asked or self
 
     @property
     def surfaces(self) -> tuple[Event | None, Event | None]:
@@ -370,26 +380,23 @@ class Problem:
         """Whether times or places of events of a course are to be found, or multipliers."""
         if self.integral is not None and self.asked is None:
             return True
-        outer = self.free_time or self.on_surface
+        outer = self.has_open_ends
         if not self.through:
-            return outer and (self.system.order > 1 or self._returns_to_surface)
+            begins_on = self.advance is not None and self.start.on is not None
+            return outer and (self.system.order > 1 or begins_on)
         inner = any(e.t is None or e.on is not None for e in self.through)
         return inner or outer
-
-    @property
-    def _returns_to_surface(self) -> bool:
-        return isinstance(self.end, Periodic) and self.start.on is not None
 
     @property
     def is_course(self) -> bool:
         """Whether all of a path is looked at together: legs, multipliers, accelerations in L."""
         more = self.integral is not None or self.system.order > 1
-        return bool(self.through) or more or (self.asked or self).is_joined
+        return bool(self.through) or more or self.original.is_joined
 
     @property
     def has_free_boundary(self) -> bool:
         """Whether more than the path is to be found, or was: a duration, where it begins."""
-        found = self.asked is not None or self.free_time or self.on_surface or self.closes
+        found = self.asked is not None or self.has_open_ends or self.closes
         return found or self.is_joined
 
     @property
@@ -399,17 +406,22 @@ class Problem:
         Events between the ends, a surface or a coordinate at the start tell where they begin; along
         an obstacle that coordinate is held.
         """
-        if not isinstance(self.end, Periodic) or self.through or self.joints[0].on is not None:
+        if self.advance is None or self.through or self.joints[0].on is not None:
             return False
         if self.system.r and self.start.pinned:
             return False
         structure = self.system.structure
         return not (structure.depends_on_time or structure.forced)
 
+    @property
+    def phase_coordinates(self) -> tuple[int, ...]:
+        """Coordinates at the start that say where a closed path begins along itself."""
+        return self.start.pinned if self.closes else ()
+
     @cached_property
     def loose(self) -> Problem:
         """The problem with nothing given at the start, if its paths close anywhere."""
-        if not (self.closes and self.start.pinned):
+        if not self.phase_coordinates:
             return self
         start = Event(self.start.t, [None] * self.system.n)
         end, values = self.end.at(self.end.t), self.parameters
@@ -418,12 +430,12 @@ class Problem:
     @cached_property
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
-        return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+        return None if self.end.advance is None else np.array(self.end.advance)
 
     @property
     def order(self) -> tuple[int, ...]:
         """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
-        return self.end.order if isinstance(self.end, Periodic) else ()
+        return self.end.order
 
     @property
     def closed_places(self) -> tuple[int, ...]:
@@ -446,23 +458,20 @@ class Problem:
     @property
     def has_tails(self) -> bool:
         """Whether the path comes from rest or tends to it beyond a window of finite times."""
-        return isinstance(self.start, Tail) or isinstance(self.end, Tail)
+        return bool(self.start.side or self.end.side)
 
     @property
     def is_shifted(self) -> bool:
         """Whether each path may be shifted in time at will, and nothing chooses one of them."""
-        ends = self.start, self.end
-        tails = all(isinstance(e, Tail) for e in ends)
         timed = self.system.structure.depends_on_time
-        return tails and not timed and getattr(self.start, "phase", None) is None
+        return bool(self.start.side and self.end.side) and not timed and self.start.phase is None
 
     @property
     def whole(self) -> Problem:
         """The problem with its events at infinite times, where it has windows' edges."""
         if not self.has_tails:
             return self
-        ends = [e.limit if isinstance(e, Tail) else e for e in (self.start, self.end)]
-        return self.replace(start=ends[0], end=ends[1])
+        return self.replace(start=self.start.limit, end=self.end.limit)
 
     @cached_property
     def rests(self) -> tuple[Rest | None, Rest | None]:
@@ -471,8 +480,8 @@ class Problem:
         Raises ValueError if it is no equilibrium or no saddle, or the energies differ.
         """
         found = [
-            rest(self.system, self.packed, np.array(e.rest), e.t, e.side)
-            if isinstance(e, Tail)
+            rest(self.system, self.packed, np.array(e.near, dtype=float), e.t, e.side)
+            if e.side
             else None
             for e in (self.start, self.end)
         ]
@@ -482,7 +491,7 @@ class Problem:
     def boundaries(self) -> tuple[Instant, ...]:
         """Where elements end: the `instants`, events, pulses, and where a phase is set."""
         more, pulses = [e.t for e in self.through], self.system.pulses
-        if isinstance(self.start, Tail) and self.start.phase is not None:
+        if self.start.phase is not None:
             more.append(self.start.phase.t)
         if pulses is not None:
             more += centres(pulses, self.start.t, self.end.t, self.packed)
@@ -658,7 +667,7 @@ def _check_free_time(problem: Problem) -> None:
             "expected a system without non-conservative forces where a time is free: with them "
             "no action is stationary in the time; give both times"
         )
-    closes = isinstance(problem.end, Periodic)
+    closes = problem.end.advance is not None
     if closes and (problem.start.t is None or structure.depends_on_time):
         raise ValueError(
             "expected a closed path of a system without a clock, begun at a given time, where the "

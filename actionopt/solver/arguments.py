@@ -14,7 +14,6 @@ from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.course import check_phase
-from actionopt.mechanics.events import Periodic
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.other_curves import read_curve
@@ -75,8 +74,8 @@ def check_problem(problem: Problem, others: Sequence[Any] = ()) -> None:
             "expected the problem, and whatever else by its name, such as tol=1e-8, found also "
             f"{', '.join(map(repr, others))}"
         )
-    asked = problem.asked or problem
-    closed = isinstance(asked.end, Periodic) and not asked.system.structure.depends_on_time
+    asked = problem.original
+    closed = asked.advance is not None and not asked.system.structure.depends_on_time
     if (asked.through and closed) or asked.closes:
         check_phase(asked)
 

@@ -32,7 +32,7 @@ from actionopt.discrete.contact_times import merge_contacts, tangency_step, with
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.mechanics.held import Held, measures
+from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
@@ -104,8 +104,7 @@ class Along(Workspace[Iterate]):
     @property
     def contact_problem(self) -> Held:
         """The question with the parts in contact that are thought so."""
-        assert isinstance(self.problem, Held)
-        return self.problem
+        return contacts_of(self.problem)
 
     @property
     def question(self) -> Problem:
@@ -121,9 +120,7 @@ class Along(Workspace[Iterate]):
         if not isinstance(here, UnfixedPath):
             return super().answer()
         if question.on_surface:
-            question = (question.asked or question).found_at(
-                self.contact_problem.span, here.Q[[0, -1]]
-            )
+            question = question.original.found_at(self.contact_problem.span, here.Q[[0, -1]])
         held = Held(question, self.contact_problem.arcs)
         return question, DiscretePath.of(held, here.path, here.rows)
 
@@ -151,7 +148,7 @@ class Along(Workspace[Iterate]):
             z[here.x.size :] *= old.mu_unit / tr.mu_unit
             here = replace(here, tr=tr, z=z)
         if held.has_free_boundary:
-            bordered, y = Bordered.beside(held.asked or held, here)
+            bordered, y = Bordered.beside(held.original, here)
             known = here.sizes, here.lengths, here.gain
             here = UnfixedPath(here.tr, y, *known, bordered=bordered)
         return here
@@ -403,8 +400,7 @@ def contact_conditions(at: DiscretePath, sizes: Array) -> tuple[Array, ...]:
     Which rows are in contact, (r, K); how deep the path is inside of the others, in its sizes (n,);
     what those in contact push with, and the unit of that, (r, 1).
     """
-    held, t = at.problem, sample_times(at)
-    assert isinstance(held, Held)
+    held, t = contacts_of(at.problem), sample_times(at)
     m, q, f = held.free.system.m, at.path(t), rows_along(at, t)
     on, push = held.active(t)[m:], np.zeros(f.shape)
     G = held.system.constraint_jacobian(q, t, parameters=held.parameters)[m:]

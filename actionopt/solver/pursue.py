@@ -81,8 +81,8 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     if not problem.has_free_boundary:
         yield revise_all(problem, guess, choices)
         return
-    if (problem.asked or problem).is_joined:
-        yield _through(problem.asked or problem, guess, choices)
+    if problem.original.is_joined:
+        yield _through(problem.original, guess, choices)
         return
     if problem.asked is not None:
         if callable(guess) and not isinstance(guess, (Path, Solution)):
@@ -90,7 +90,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
             guess = curve(problem, guess)(Mesh.uniform(*b, 4 * LINEAR, COARSE_DEGREE))
         problem = problem.asked
     check_arguments(problem, choices.tol, None, choices.principle, choices.mesh)
-    given = not (problem.on_surface or problem.free_time)  # a closed path of a given period
+    given = not problem.has_open_ends  # a closed path of a given period
     if problem.system.r and not given:
         yield free_contact(problem, guess, choices)
         return

@@ -22,7 +22,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.mechanics.held import Held, measures
+from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import Arc
 from actionopt.solver.touching import rows_along, runs, sample_times
 from actionopt.tools.types import EPS, Array
@@ -197,8 +197,7 @@ def tight_string(
     None if it passes through nothing, or through what has no edge to that side, such as a plane.
     The `side` is a direction (n,) at a time, coordinates in units of their `measures`.
     """
-    held, t = found.problem, sample_times(found)
-    assert isinstance(held, Held)
+    held, t = contacts_of(found.problem), sample_times(found)
     sizes, inside = 2.0 ** measures(held.lengths), rows_along(found, t) < 0
     start, duration, none = held.start.t, held.duration, np.zeros((1, held.system.n))
     fine = np.linspace(0.0, duration, FINE)

@@ -17,7 +17,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held, measures
+from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import Principle, find
@@ -96,7 +96,7 @@ def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) ->
 
 def contact_parts(found: DiscretePath) -> tuple[Arc, ...]:
     """Return the parts in contact of what Ipopt found, as far as nodes tell."""
-    tr, t, on, held = found.tr, found.mesh.nodes, _pressing(found), _contacts(found)
+    tr, t, on, held = found.tr, found.mesh.nodes, _pressing(found), contacts_of(found.problem)
     f = held.system.constraint(found.Q.T, t, parameters=held.parameters)[held.free.system.m :]
     # Events on the obstacle have no rows.
     met = np.abs(f) <= EVENT_TOLERANCE * tr.row_units[-len(f) :, None]
@@ -121,7 +121,7 @@ def other_sides(found: DiscretePath) -> list[Path]:
     parts before and behind. Obstacles without a far side, such as a half plane,
     have no such curve.
     """
-    held, mesh, curves = _contacts(found), found.mesh, []
+    held, mesh, curves = contacts_of(found.problem), found.mesh, []
     if held.system.n == 1:
         return []
     arcs, parameters = contact_parts(found), held.parameters
@@ -193,7 +193,7 @@ def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Arr
 
 def rows_along(found: DiscretePath, t: Array) -> Array:
     """Return the rows of the obstacle (r, K) along a path, at times t (K,)."""
-    held = _contacts(found)
+    held = contacts_of(found.problem)
     f = held.system.constraint(found.path(t), t, parameters=held.parameters)
     return f[held.free.system.m :]
 
@@ -204,7 +204,7 @@ def sample_times(found: DiscretePath) -> Array:
     Also where it may be least beside an end of the path or of contact: there f is zero and may fall
     before it grows.
     """
-    mesh, held = found.mesh, _contacts(found)
+    mesh, held = found.mesh, contacts_of(found.problem)
     inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
     between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
     t = np.unique(np.concatenate([between, mesh.nodes]))
@@ -235,7 +235,7 @@ def is_of_higher_order(found: DiscretePath) -> bool:
     In the form that tells the distance (`System.with_contact_distance`) a row that grows as its
     power k has the slope 1 / k at the surface. Planes, which keep their own form, may have any.
     """
-    held, t = _contacts(found), found.mesh.nodes
+    held, t = contacts_of(found.problem), found.mesh.nodes
     if not held.sought:
         return False
     own = Held(held.free, held.arcs).system
@@ -259,18 +259,13 @@ def runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(first.tolist(), (behind - 1).tolist(), strict=True))
 
 
-def _contacts(found: DiscretePath) -> Held:
-    assert isinstance(found.problem, Held)
-    return found.problem
-
-
 def _pressing(found: DiscretePath) -> NDArray[np.bool_]:
     """Return at which nodes a row presses, (r, K): its multiplier exceeds the row."""
-    tr, layout, system = found.tr, found.tr.layout, _contacts(found).system
+    tr, layout, system = found.tr, found.tr.layout, contacts_of(found.problem).system
     pressing = -found.z[layout.unknowns :] > np.maximum(tr.constraint(found.x), WEAK)
     on = np.zeros((system.m, layout.node_count), dtype=bool)
     on[layout.row_constraint[pressing], layout.row_node[pressing]] = True
-    return on[_contacts(found).free.system.m :]
+    return on[contacts_of(found.problem).free.system.m :]
 
 
 def _window(found: DiscretePath, a: float, b: float) -> Array:

@@ -222,7 +222,7 @@ class Unfixed(Workspace[UnfixedPath]):
     def reach(self, path: Path, lam: Array | None, *, damped: bool) -> bool:
         """Go to the path of the energy, or one that closes, near a rough one."""
         self.hint = ""
-        if self.problem.closes and self.problem.start.pinned and self._begun_near(path):
+        if self.problem.phase_coordinates and self._begun_near(path):
             return True
         problem = self.problem.loose
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
@@ -235,7 +235,7 @@ class Unfixed(Workspace[UnfixedPath]):
         moved = np.ptp(self.here.Q, axis=0).max()
         if closes and moved < AT_REST * np.ptp(path.values, axis=1).max():
             return False
-        return problem is self.problem or not self.problem.start.pinned or self._begin(ROUGH)
+        return problem is self.problem or self._begin(ROUGH)
 
     def _begun_near(self, path: Path) -> bool:
         """Go to the closed path near a rough one that begins where that passes what is given."""
@@ -273,8 +273,8 @@ class Unfixed(Workspace[UnfixedPath]):
 
     def _is_begun(self) -> bool:
         """Whether a closed path begins at what the start gives."""
-        here, pinned = self.here, list(self.problem.start.pinned)
-        if not self.problem.closes or not pinned:
+        here, pinned = self.here, list(self.problem.phase_coordinates)
+        if not pinned:
             return True
         wanted = np.array([self.problem.start.q[i] for i in pinned], dtype=float)
         off = np.abs(here.Q[0, pinned] - wanted) / here.tr.lengths[pinned]
@@ -298,7 +298,7 @@ class Unfixed(Workspace[UnfixedPath]):
         for represented in (ROUGH, REPRESENTED[0]):
             self.along, self.gain = (), UNKNOWN_GAIN
             path = guess_path(self.problem, near, represented)
-            if self.problem.closes and self.problem.start.pinned:
+            if self.problem.phase_coordinates:
                 begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
                 if not begins:
                     break

@@ -176,7 +176,7 @@ def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: f
 def with_window_of(problem: Problem, like: Problem) -> Problem:
     """Return a problem with the window of another one where its events lie at infinite times."""
     ends = [
-        Tail(edge.t, e.near, edge.side, edge.phase) if isinstance(edge, Tail) else e
+        Tail(edge.t, e.near, edge.side, edge.phase) if edge.side else e
         for e, edge in ((problem.start, like.start), (problem.end, like.end))
     ]
     return problem.replace(start=ends[0], end=ends[1])
@@ -198,7 +198,7 @@ def for_search(whole: Problem, tol: float) -> Problem:
         )
     if np.isinf(whole.start.t) and np.isinf(whole.end.t):
         return problem
-    ends = [Event(e.t, e.near) if isinstance(e, Tail) else e for e in (problem.start, problem.end)]
+    ends = [Event(e.t, e.near) if e.side else e for e in (problem.start, problem.end)]
     return problem.replace(start=ends[0], end=ends[1])
 
 
@@ -218,7 +218,7 @@ def graded_mesh(problem: Problem, elements: int, degree: int) -> Mesh:
     The mesh is graded from where something happens: the event inside the window, else zero.
     """
     start, end = problem.start, problem.end
-    core = next((e.t for e in (start, end) if not isinstance(e, Tail)), 0.0)
+    core = next((e.t for e in (start, end) if not e.side), 0.0)
     if not start.t <= core <= end.t:
         return Mesh.uniform(start.t, end.t, elements, degree)
     known = [(e.t - core, r.slow) for e, r in zip((start, end), problem.rests, strict=True) if r]
@@ -310,7 +310,7 @@ def centre_excursion(solution: Solution) -> Solution:
     """Return a path from rest back to the same with its farthest point at t = 0."""
     problem = solution.problem
     (before, after), start, end = problem.rests, problem.start, problem.end
-    if not isinstance(start, Tail) or start.phase is None:
+    if start.phase is None:
         return solution
     assert before is not None and after is not None
     if not _same(before.q, after.q):
@@ -331,7 +331,7 @@ def centre_excursion(solution: Solution) -> Solution:
     by = -(low + high) / 2
     mesh = solution.mesh.moved(start.t + by, end.t + by)
     phase = start.phase._replace(t=start.phase.t + by)
-    moved = problem.replace(start=Tail(start.t + by, start.rest, -1, phase), end=end.at(end.t + by))
+    moved = problem.replace(start=Tail(start.t + by, start.near, -1, phase), end=end.at(end.t + by))
     return replace(solution, problem=moved, path=Path(mesh, solution.path.values), known=None)
 
 
