@@ -299,7 +299,9 @@ def test_the_kinetic_energy_drawn_is_that_of_the_body_in_space(name):
 
 
 def test_what_the_lagrangian_does_not_tell_is_not_named():
-    ax = plot.energies(solved("hoop_bead"))
+    words = [t.get_text() for t in plot.energies(solved("hoop_bead")).get_legend().get_texts()]
+    assert "$T$" in words and "$V$" not in words  # V is said with an if
+    ax = plot.energies(solved("moving_pivot"))
     words = [t.get_text() for t in ax.get_legend().get_texts()]
     assert any("quadratic" in text for text in words)
     assert any("effective potential" in text for text in words)

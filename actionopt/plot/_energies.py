@@ -33,7 +33,8 @@ def energies(
     data = energies_data(solution, kinetic=kinetic)
     T_name, V_name = "T", "U(\\dot q)" if data.moving else "V"
     T_text, V_text = "$T$", f"${V_name}$"
-    if not data.told:
+    fixed = not solution.problem.system.structure.depends_on_time
+    if not (data.told or (data.quadratic and fixed and not data.moving)):
         subscript = "2" if data.quadratic else "+"
         T_name, V_name = f"T_{subscript}", V_name.replace(V_name[0], f"{V_name[0]}_\\mathrm{{eff}}")
         T_text = f"${T_name}$, " + say(
@@ -42,6 +43,8 @@ def energies(
             else "part of $L$ even in $\\dot q$"
         )
         V_text = f"${V_name}$, " + say("effective potential")
+    elif not data.told:
+        V_text += ", " + say("if $L = T - V$")
     t, T, V = data.t, data.kinetic, data.potential
     ax = style.on(ax)
     for where, colour, text in (
@@ -59,7 +62,7 @@ def energies(
     style.mark_events(ax, solution)
     ax.set(xlabel=label(units.clock, units.time), ylabel=label("energy", units.energy))
     S = f"{number(solution.action)} {units.action}".rstrip()
-    ax.set_title(f"{style.heading(solution)}: $S = \\int ({T_name} - {V_name})\\,dt$ = {S}")
+    style.set_title(ax, solution, f"$S = \\int ({T_name} - {V_name})\\,dt$ = {S}")
     ax.margins(x=0)
     style.legend_above(ax, 4 if data.told else 2)
     return ax
@@ -72,12 +75,13 @@ def conserved(
 ) -> tuple[Axes, Axes]:
     """Draw the energy above the momenta; what stays the same is a broad straight line.
 
-    Conserved is what a symmetry keeps, along every motion; else it is constant on this path.
+    Conserved is what a symmetry keeps, along every motion; else it is constant on this path. Where
+    the plane of x and y may be turned, the angular momentum is drawn with the momenta.
     """
     data, names = conserved_data(solution), solution.problem.system.coordinates
     if axes is None:
         axes = style.new_figure((6.4, 5.4)).subplots(2, sharex=True)
-    above, below = axes  # type: ignore[misc]
+    above, below = style.unpack(axes, 2)
     # An index of an index would be too small to read.
     dashes = ["'" * k for k in range(solution.problem.system.order)]
     indices = [symbol(name)[1:-1].replace("_", "") + dash for dash in dashes for name in names]
@@ -89,8 +93,12 @@ def conserved(
         look = {**style.strand(i), "linewidth": 3.2 if flat else 1.6}
         ax = below if i else above
         ax.plot(*style.break_at_events(data.t, values, solution), **look, label=what)
+    if data.angular is not None:
+        what = say("{p}, conserved", p=say("angular momentum"))
+        below.plot(data.t, data.angular, color=style.GREY, linewidth=3.2, label=what)
     above.set_ylabel(label("energy function $H$", units.energy))
-    below.set_ylabel(label("momenta $p$", *map(units.momentum, names)))
+    turned = [] if data.angular is None else [units.action]
+    below.set_ylabel(label("momenta $p$", *map(units.momentum, names), *turned))
     below.set_xlabel(label(units.clock, units.time))
     above.set_title(say("{name}: energy and momenta along the path", name=style.heading(solution)))
     rates = np.concatenate(solution.derivatives(data.t)[1 : len(dashes) + 1])

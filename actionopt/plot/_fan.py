@@ -68,7 +68,7 @@ def fan(
         if foci.size
         else "paths from one event, no focus before the end"
     )
-    ax.set_title(f"{style.heading(solution)}: {words}")
+    style.set_title(ax, solution, words)
     style.legend(ax)
     return ax
 
@@ -108,7 +108,7 @@ def wavefronts(
     if len(names) == 1:
         margin = 0.02 * (data.t[-1] - data.t[0])
         ax.set_xlim(data.t[0] - margin, data.t[-1] + margin)
-    ax.set_title(f"{style.heading(solution)}: {words}")
+    style.set_title(ax, solution, words)
     style.legend_below(ax, 3)
     return ax
 

@@ -42,7 +42,7 @@ def overview(
     """
     if axes is None:
         axes = style.new_figure((6.4, 6.4)).subplots(2, height_ratios=(3, 2))
-    above, below = axes  # type: ignore[misc]
+    above, below = style.unpack(axes, 2)
     touches = solution.problem.system.r and solution.contacts
     second = contact if touches else deviation
     return paths(solution, above, units=units), second(solution, below, units=units)
@@ -74,7 +74,7 @@ def paths(
     _impulses(ax, solution)
     _surfaces(ax, solution, t)
     S = f"{number(solution.action, 8)} {units.action}".rstrip()
-    ax.set_title(f"{style.heading(solution)}: $S$ = {S}")
+    style.set_title(ax, solution, f"$S$ = {S}")
     style.legend(ax)
     return ax
 
@@ -159,11 +159,11 @@ def contact(solution: Solution, ax: Axes | None = None, *, units: UnitNames = NO
 
     Raises ValueError for a system without an obstacle.
     """
-    t, ax = times(solution), style.on(ax)
+    t = times(solution)
     ends = [x for arc in solution.contacts if not arc.point for x in (arc.begin, arc.end)]
     t = np.sort(np.concatenate([t, ends, np.nextafter(ends, -np.inf), np.nextafter(ends, np.inf)]))
     t = t[(t >= solution.problem.start.t) & (t <= solution.problem.end.t)]
-    force = solution.contact_force(t)
+    force, ax = solution.contact_force(t), style.on(ax)
     for i, row in enumerate(force):
         what = r"$\nu$" if len(force) == 1 else rf"$\nu_{{{i}}}$"
         ax.plot(t, row, **{**style.PATH, "linewidth": 2.0}, **style.strand(i), label=what)
@@ -239,7 +239,7 @@ def family(
         style.colour_bar(ax, actions, norm, style.unsigned_colours(), text)
     many = say("1 path") if len(found) == 1 else say("{count} paths", count=len(found))
     numbered = "" if forced else say(", numbered by index")
-    ax.set_title(f"{style.heading(found[0])}: {many}{numbered}")
+    style.set_title(ax, found[0], f"{many}{numbered}")
     return ax
 
 
@@ -255,7 +255,7 @@ def mesh(
     if axes is None:
         figure = style.new_figure((6.4, 5.2))
         axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
-    above, below = axes  # type: ignore[misc]
+    above, below = style.unpack(axes, 2)
     for i, (name, q, dots) in enumerate(zip(names, solution(t), solution(nodes), strict=True)):
         look = style.strand(i)
         above.plot(t, q, **{**style.PATH, "linewidth": 2.5}, **look, label=symbol(name))
@@ -274,5 +274,5 @@ def mesh(
     style.legend(above, beside=True)
     values = {"count": degrees.size, "error": number(solution.error, 1)}
     words = say("{count} elements, error about {error}", **values)
-    above.set_title(f"{style.heading(solution)}: {words}")
+    style.set_title(above, solution, words)
     return above, below

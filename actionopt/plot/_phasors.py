@@ -42,7 +42,7 @@ def phasors(
     if axes is None:
         figure = style.new_figure(PHASOR_SIZE)
         axes = list(figure.subplots(1, 3, width_ratios=(1.25, 1, 1)))
-    near, along, spiral = axes
+    near, along, spiral = style.unpack(axes, 3)
     circle = style.circle()
     for q, phase in zip(data.varied, data.phase, strict=True):
         style.draw(near, names, data.t, q, at, color=circle(phase / (2 * np.pi) % 1), linewidth=1.4)
@@ -51,7 +51,7 @@ def phasors(
     turn = ScalarMappable(Normalize(0, 360), circle)
     bar = near.figure.colorbar(turn, ax=near, ticks=[0, 90, 180, 270, 360])
     bar.set_label(label(r"phase $(S - S^*)/\hbar$ (degrees)"))
-    near.set_title(style.kind(solution))
+    style.set_title(near, solution, style.kind(solution))
 
     step = data.alpha[1] - data.alpha[0]
     along.plot(data.alpha, np.real(data.arrows) / step, color=style.BLUE, linewidth=1.2)

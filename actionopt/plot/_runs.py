@@ -77,7 +77,7 @@ def runs(
             label=say("failed"),
             linestyle="none",
         )
-    ax.set_title(f"{style.heading(runs.problem)}: {say(QUANTITIES[quantity])}, {_count_text(runs)}")
+    style.set_title(ax, runs.problem, f"{say(QUANTITIES[quantity])}, {_count_text(runs)}")
     if ax.get_legend_handles_labels()[1]:
         style.legend(ax, beside=len(runs.shape) == 2)
     return ax

@@ -97,7 +97,7 @@ def motion(
     at |= {"handletextpad": 0, "borderaxespad": 0, "frameon": False}  # it may touch the scales
     ax.legend(first, [say("start")], loc="center right", **at)
     words = say("{count} times, {step} apart", count=count, step=step)
-    ax.set_title(f"{style.heading(solution)}: {words}")
+    style.set_title(ax, solution, words)
     return ax
 
 

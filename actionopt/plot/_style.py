@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,6 @@ from matplotlib.colors import (
     LinearSegmentedColormap,
     ListedColormap,
     Normalize,
-    hsv_to_rgb,
     to_rgb,
 )
 from matplotlib.lines import Line2D
@@ -99,13 +99,28 @@ UNSIGNED, UNSIGNED_DARK = (
     ListedColormap(colormaps["cividis"](np.linspace(*part, 256)), "unsigned")
     for part in ((0.0, 0.6), (0.4, 1.0))
 )
-# Of what turns round: luminances from 0.11 to 0.27 have a contrast of 3.2 on white and on black.
-MIDDLE, SWING = 0.19, 0.08
-WEIGHTS = np.array([0.2126, 0.7152, 0.0722])  # of red, green and blue in luminance
+# Of what turns round, in Oklab (B. Ottosson 2020): lightnesses from 0.48 to 0.64 have a contrast
+# of 3 and more on white and on black.
+MIDDLE, SWING, SATURATION = 0.56, 0.08, 0.11
+OKLAB_TO_LMS = np.array(
+    [
+        [1, 1, 1],
+        [0.3963377774, -0.1055613458, -0.0894841775],
+        [0.2158037573, -0.0638541728, -1.2914855480],
+    ]
+)
+LMS_TO_RGB = np.array(
+    [
+        [4.0767416621, -1.2684380046, -0.0041960863],
+        [-3.3077115913, 2.6097574011, -0.7034186147],
+        [0.2309699292, -0.3413193965, 1.7076147010],
+    ]
+)
 PATH: Any = {"linewidth": 4.5}  # broad: the forward integration lies within it
 POTENTIAL: Any = {"color": VERMILION, "linewidth": 2.2, "linestyle": (0, (6, 2))}
 SHORT_BAR = 0.06  # of a bar of colours
 IF_ROOM = "_if there is room"  # the label of words that a small picture can do without
+LETTER_WIDTH = 0.5  # of the size of letters, small as those of a title are; ad hoc
 MOST_ENTRIES = 5  # entries of a legend: more stand beside the picture
 
 
@@ -130,12 +145,15 @@ def unsigned_colours() -> ListedColormap:
 
 
 def circle() -> ListedColormap:
-    """Return the colours of a phase, each hue as light as is seen; what has none stands out."""
-    turn = np.arange(256) / 256
-    hues = np.square(hsv_to_rgb(np.stack([turn, np.ones(256), np.ones(256)], axis=1)))
-    aim = (MIDDLE + (SWING if dark() else -SWING) * np.cos(2 * np.pi * turn))[:, None]
-    own = (hues @ WEIGHTS)[:, None]
-    linear = np.where(own > aim, hues * aim / own, hues + (1 - hues) * (aim - own) / (1 - own))
+    """Return the colours of a phase: blue against ochre a quarter on, dark against light between.
+
+    So a colour-blind reader tells all phases apart, and so does one in grey two of four. What has
+    none stands out.
+    """
+    turn = 2 * np.pi * np.arange(256) / 256
+    lightness = MIDDLE + (SWING if dark() else -SWING) * np.cos(turn)
+    bright = np.stack([lightness, 0 * turn, SATURATION * np.sin(turn)], axis=1)
+    linear = np.clip((bright @ OKLAB_TO_LMS) ** 3 @ LMS_TO_RGB, 0, 1)
     light = 1.055 * linear ** (1 / 2.4) - 0.055
     return ListedColormap(np.clip(np.where(linear > 0.0031308, light, 12.92 * linear), 0, 1))
 
@@ -280,9 +298,8 @@ def heading(of: Solution | Problem) -> str:
 
 
 def kind(solution: Solution) -> str:
-    """Return the name of a solution's problem, and whether it is a minimum, in words."""
-    words = say("{kind}, index {index}", kind=say(solution.kind), index=solution.morse_index)
-    return f"{heading(solution)}: {words}"
+    """Return whether a solution is a minimum or a saddle, in words."""
+    return say("{kind}, index {index}", kind=say(solution.kind), index=solution.morse_index)
 
 
 def signed_norm(reach: float) -> Normalize:
@@ -325,25 +342,54 @@ def strand(i: int) -> dict[str, Any]:
     return {"color": colour(i), "linestyle": DASHES[i // len(COLOURS) % len(DASHES)]}
 
 
+def set_title(ax: Axes, of: Solution | Problem, words: str) -> None:
+    """Say whose picture this is, and what it shows; in a row of axes, in lines as wide as one."""
+    if has_neighbours(ax):
+        width = ax.get_window_extent().width * 72 / ax.figure.dpi  # type: ignore[union-attr]
+        letters = max(12, int(width / (LETTER_WIDTH * rcParams["font.size"])))
+        ax.set_title(words if "$" in words else fill(words, letters), fontsize="small")
+    else:
+        ax.set_title(f"{heading(of)}: {words}")
+
+
+def has_neighbours(ax: Axes) -> bool:
+    """Return whether axes stand beside others, and have no room for words to their side."""
+    place = ax.get_subplotspec()
+    return place is not None and place.get_gridspec().ncols > 1
+
+
+def entries(ax: Axes) -> tuple[list[Any], list[str]]:
+    """Return what a legend explains, each name once: axes may be drawn on again."""
+    named = {text: line for line, text in zip(*ax.get_legend_handles_labels(), strict=True)}
+    return list(named.values()), list(named)
+
+
 def legend(ax: Axes, *, beside: bool = False) -> None:
     """Explain the lines where there is room: in the picture if they are few, else beside it."""
-    if beside or len(ax.get_legend_handles_labels()[1]) > MOST_ENTRIES:
-        ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
-    else:
-        ax.legend()
+    lines, names = entries(ax)
+    if (beside or len(names) > MOST_ENTRIES) and not has_neighbours(ax):
+        ax.legend(lines, names, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
+    elif lines:
+        ax.legend(lines, names)
 
 
 def legend_above(ax: Axes, columns: int) -> None:
-    """Explain the lines in a row above them, for which room is made."""
+    """Explain the lines in a row above them, for which room is made; among axes where it is."""
+    if has_neighbours(ax):
+        return legend(ax)
     low, high = ax.transData.transform([(1, y) for y in ax.get_ylim()])[:, 1]
     top = ax.transData.inverted().transform((0, high + 0.16 * (high - low)))[1]
     ax.set_ylim(top=top)
-    ax.legend(loc="upper left", ncols=columns, columnspacing=1.2, handlelength=1.8)
+    ax.legend(*entries(ax), loc="upper left", ncols=columns, columnspacing=1.2, handlelength=1.8)
 
 
 def legend_below(ax: Axes, columns: int) -> None:
     """Explain the lines in rows below the picture, where there is no room in it."""
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=columns)
+    if has_neighbours(ax):
+        legend(ax)
+    else:
+        place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13)}
+        ax.legend(*entries(ax), ncols=columns, **place)
 
 
 def new_figure(
@@ -358,6 +404,17 @@ def new_figure(
 def on(ax: Axes | None, size: tuple[float, float] = STYLE["figure.figsize"]) -> Axes:
     """Return `ax`, or the axes of a new figure."""
     return new_figure(size).subplots() if ax is None else ax
+
+
+def unpack(axes: Any, count: int) -> list[Axes]:
+    """Return so many axes. Raises ValueError for another number of them."""
+    found = list(np.ravel(np.array(axes, dtype=object)))
+    if len(found) != count:
+        raise ValueError(
+            f"expected {count} axes for this figure, found {len(found)}; "
+            f"`figure.subplots({count})` makes them"
+        )
+    return found
 
 
 def freeze_layout(figure: Any) -> None:

@@ -58,7 +58,7 @@ def bundle(
     occurring, text = np.append(data.rise, 0.0), label("$S - S^*$", units.action)
     style.colour_bar(ax, occurring, norm, style.SIGNED, text)
     words = say("the path and its neighbours")
-    ax.set_title(f"{style.heading(solution)}: {words}")
+    style.set_title(ax, solution, words)
     style.legend(ax)
     return ax
 
@@ -96,7 +96,7 @@ def slices(
     ax.plot(0, 0, **style.event())
     ax.set_xlabel(label(r"variation $\alpha$ (of the path's size)"))
     ax.set_ylabel(label("$S - S^*$", units.action))
-    ax.set_title(style.kind(solution))
+    style.set_title(ax, solution, style.kind(solution))
     style.legend(ax)
     return ax
 
@@ -127,7 +127,7 @@ def landscape(
     ticks = (-edge, 0, edge)  # fixed, or equal axes get wider labels than they were laid out with
     ax.set(xlabel=x, ylabel=y, aspect="equal", xticks=ticks, yticks=ticks)
     ax.grid(False)
-    ax.set_title(style.kind(solution))
+    style.set_title(ax, solution, style.kind(solution))
     return ax
 
 
@@ -189,6 +189,6 @@ def spectrum(
     ax.set_xlabel(label("duration $T$", units.time))
     ax.set_ylabel(label(r"eigenvalue of $\delta^2S$  ($\times\,T^2/\pi^2M$)"))
     words = say("index {k} at the full duration", k=data.index[-1])
-    ax.set_title(f"{style.heading(solution)}: {words}")
+    style.set_title(ax, solution, words)
     style.legend(ax, beside=True)
     return ax

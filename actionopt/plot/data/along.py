@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -148,6 +149,8 @@ class ConservedCurves:
     kept : tuple of bool
         Whether a symmetry has it stay the same along every motion: H if nothing depends on time,
         the momentum of a cyclic coordinate.
+    angular : (K,) array or None
+        The angular momentum in the planes of x and y, if turning them changes nothing.
     """
 
     t: Array
@@ -155,6 +158,7 @@ class ConservedCurves:
     momentum: Array
     flat: tuple[bool, ...]
     kept: tuple[bool, ...]
+    angular: Array | None = None
 
     __repr__ = one_line
 
@@ -172,17 +176,41 @@ def conserved_data(solution: Solution, count: int = CURVE_TIMES) -> ConservedCur
     rows = [H, *p]
     flat = [bool(np.ptp(x) <= FLAT_CHANGE * size) for x, size in zip(rows, sizes, strict=True)]
     shifts = np.eye(1 + solution.problem.system.n)  # in time, and of each coordinate
-    kept = [same and _symmetric(solution.problem, e) for same, e in zip(flat, shifts, strict=False)]
+    kept = [
+        same and _symmetric(solution.problem, list(map(float, xi)), float(time))
+        for same, (time, *xi) in zip(flat, shifts, strict=False)
+    ]
     kept += [False] * (len(rows) - len(kept))  # no velocity is shifted alone
-    return ConservedCurves(t, H, p, tuple(flat), tuple(kept))
+    angular = _angular_momentum(solution, t, p) if order == 1 else None
+    return ConservedCurves(t, H, p, tuple(flat), tuple(kept), angular)
 
 
-def _symmetric(problem: Problem, shift: Array) -> bool:
-    """Return whether nothing changes by a shift of time and the coordinates, (1 + n,)."""
-    time, *xi = map(float, shift)
+def _angular_momentum(solution: Solution, t: Array, p: Array) -> Array | None:
+    """Return sum (x p_y - y p_x), (K,), if all planes of x and y may be turned by one angle."""
+    problem, names = solution.problem, list(solution.problem.system.coordinates)
+    pairs = [
+        (names.index(name), names.index(f"y{name[1:]}"))
+        for name in names
+        if name[:1] == "x" and f"y{name[1:]}" in names
+    ]
+
+    def turn(q: Any, t: Any) -> list[Any]:
+        rates = [0.0 * q[0]] * len(names)
+        for i, j in pairs:
+            rates[i], rates[j] = -q[j], q[i]
+        return rates
+
+    if not pairs or not _symmetric(problem, turn):
+        return None
+    q = solution(t)
+    return np.sum([q[i] * p[j] - q[j] * p[i] for i, j in pairs], axis=0)
+
+
+def _symmetric(problem: Problem, rates: Any, time: float = 0.0) -> bool:
+    """Return whether nothing changes by these rates of the coordinates and of the time."""
     try:
         noether(
-            problem.system, xi, time=time, gauge=lambda q, t: 0.0, parameters=problem.parameters
+            problem.system, rates, time=time, gauge=lambda q, t: 0.0, parameters=problem.parameters
         )
     except ValueError:
         return False

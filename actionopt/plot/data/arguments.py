@@ -68,6 +68,9 @@ def _axes(value: Any) -> None:
     each: Any = np.ravel(np.array(value, dtype=object)) if several else [value]
     if not all(hasattr(ax, "plot") for ax in each):
         raise ValueError(f"expected axes of Matplotlib, as many as the figure has, found {value!r}")
+    for ax in each:
+        if getattr(ax, "name", "rectilinear") != "rectilinear":
+            raise ValueError(f"expected plane axes with straight scales, found {ax.name!r} ones")
 
 
 def _solutions(value: Any) -> None:

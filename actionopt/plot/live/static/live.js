@@ -587,7 +587,7 @@
         const u = (Math.abs(x) - WHOLE) / (1 - WHOLE);
         return u <= 0 ? 1 : u >= 1 ? 0 : 1 / (1 + Math.exp(1 / (1 - u) - 1 / u));
       };
-      const hue = (phase) => `oklch(0.62 0.16 ${(((phase * 180) / Math.PI) % 360).toFixed(0)})`, step = (2 * reach) / (ARROWS - 1);
+      const hue = (phase) => `oklab(${(0.56 - 0.08 * Math.cos(phase)).toFixed(3)} 0 ${(0.11 * Math.sin(phase)).toFixed(3)})`, step = (2 * reach) / (ARROWS - 1);
       const ends = [[0, 0]], phases = [];
       for (let k = 0; k < ARROWS; k++) {
         const a = reach * ((2 * k) / (ARROWS - 1) - 1), rise = along(a), [x, y] = ends[k];
