@@ -1,5 +1,7 @@
 """Models: derivatives, proofs and answers, recomputed from the functions that a solver sees."""
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -19,8 +21,10 @@ from actionopt.suite.interfaces import (
 )
 from actionopt.suite.models.fits import largest_residual
 from actionopt.suite.models.floors import contact_changes
+from actionopt.suite.saddle_search import dimer, elastic_band
 from actionopt.suite.sequence import compare, in_force, steps
 from actionopt.suite.verdict import verdict
+from actionopt.suite.ways import score, ways
 
 INFEASIBLE = [name for name in suite.MODELS if suite.model(name).infeasible]
 SMOOTH = [name for name in suite.MODELS if suite.model(name).smooth]
@@ -374,3 +378,109 @@ def test_a_biactive_pair_has_multipliers_of_the_right_sign(resisting):
     slope = problem.gradient(x) + jacobian(problem, x).T @ lam
     assert np.all(slope >= -1e-12) and np.all(np.abs(slope * x) <= 1e-12)
     assert np.all(lam[:3] <= 0) and np.all(lam[3:] >= 0) and lam[2] < -1
+
+
+# -- saddles ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("coupling", [2.0, 5.0, 8.0])
+def test_the_index_of_standing_pendulums_follows_from_the_coupling(coupling):
+    problem = suite.model("pendulum_row", pendulums=8, coupling=coupling)
+    standing, turned = problem.others
+    for point in (standing, turned):
+        assert np.abs(problem.gradient(point.x)).max() < 1e-12
+        values = np.linalg.eigvalsh(hessian(problem, point.x).toarray())
+        assert point.index == np.sum(values < 0)
+        assert point.f == pytest.approx(problem.objective(point.x), abs=1e-12)
+    assert (standing.index == 1) == (4 * coupling * np.sin(np.pi / 16) ** 2 > 1)
+
+
+def test_a_dimer_climbs_to_a_saddle_known_or_not():
+    for coupling, known in ((8.0, True), (2.0, False)):
+        problem = suite.model("pendulum_row", coupling=coupling)
+        x, _, rests = dimer(problem, problem.start())
+        values = np.linalg.eigvalsh(hessian(problem, x).toarray())
+        assert rests and np.sum(values < 0) == 1 and np.abs(problem.gradient(x)).max() < 1e-8
+        assert (problem.distance(x, problem.others[0].x) < 1e-6) == known
+        found = problem.nearest(x, 1e-3)
+        assert found.index == 1 and found.f == pytest.approx(problem.objective(x))
+        assert (found.f == problem.others[0].f) == known
+
+
+def test_a_band_finds_the_barrier():
+    problem = suite.model("pendulum_row", pendulums=4, coupling=8.0)
+    ends = problem.x_star, problem.others[1].x
+    band, rests = elastic_band(problem, *ends, images=5)
+    assert rests and max(map(problem.objective, band)) == pytest.approx(8.0)
+    with pytest.raises(ValueError, match="expected a program without constraints"):
+        elastic_band(suite.model("singular_arc"), *ends)
+
+
+def test_any_saddle_of_index_one_is_right_where_one_is_asked_for(tmp_path):
+    mine = tmp_path / "mine.py"
+    mine.write_text(
+        "import numpy as np\n"
+        "def low(p, x0):\n    return 0 * x0\n"
+        "def high(p, x0):\n    return np.pi + 0 * x0\n"
+        "def off(p, x0):\n    return x0\n"
+        "def up(p, x0):\n    return x0, None, False\n"
+    )
+    asked = {name: Cell(f"{mine}:{name}", "pendulum_row") for name in ("low", "high", "off", "up")}
+    asked["dimer"] = Cell(
+        "actionopt.suite.saddle_search:dimer", "pendulum_row", parameters={"coupling": 2.0}
+    )
+    asked["many"] = Cell(f"{mine}:high", "pendulum_row", parameters={"coupling": 1.0})
+    found = {name: verdict(evaluate(cell), "saddle") for name, cell in asked.items()}
+    assert found == {
+        "low": "other",
+        "high": "right",
+        "off": "wrong",
+        "up": "failed",
+        "dimer": "right",
+        "many": "other",
+    }
+
+
+# -- all minima ------------------------------------------------------------------------------
+
+
+def length_of_string(centres, sides, ends):
+    """Return the length of a taut string round those discs of radius 1, on these sides.
+
+    Round some of them it is closed: tangents and arcs. It is the longest of those that pull.
+    """
+    longest = 0.0
+    for touched in itertools.product((False, True), repeat=len(sides)):
+        where = [ends[0], *(c for c, on in zip(centres, touched, strict=True) if on), ends[1]]
+        s = [0, *(side for side, on in zip(sides, touched, strict=True) if on), 0]
+        length, angles = 0.0, []
+        for (a, b), (sa, sb) in zip(itertools.pairwise(where), itertools.pairwise(s), strict=True):
+            x, y = np.subtract(b, a)
+            lean = np.arcsin((sa - sb) / np.hypot(x, y))
+            angles.append(np.arctan2(y, x) - lean)
+            length += np.hypot(x, y) * np.cos(lean)
+        arcs = [
+            side * (i - o) for side, (i, o) in zip(s[1:-1], itertools.pairwise(angles), strict=True)
+        ]
+        if all(arc >= 0 for arc in arcs):
+            longest = max(longest, length + sum(arcs))
+    return longest
+
+
+@pytest.mark.parametrize("name", ["disc", pytest.param("pegs", marks=pytest.mark.slow)])
+def test_each_choice_of_sides_has_its_minimum(name):
+    problem = suite.get(name)
+    found, numbers = ways(problem), problem.scene.facts.numbers
+    count = len(numbers) // 2
+    centres = [(numbers[f"x{i}"], numbers[f"y{i}"]) for i in range(count)]
+    ends = problem.transcription.ends[[0, -1]]
+    assert len(found) == 2**count and min(w.f for w in found.values()) == problem.f_star
+    for sides, way in found.items():
+        exact = length_of_string(centres, sides, ends) ** 2 / 2  # in a time of 1
+        assert way.f == pytest.approx(exact, rel=1e-3) and way.index == 0
+        assert problem.residual(way.x) < 1e-9
+    points = [way.x for way in found.values()]
+    assert score(problem, points[:1]) == 1 / len(found)
+    assert score(problem, points) == 1.0
+    with pytest.raises(ValueError, match="expected a member with discs"):
+        ways(suite.get("pendulum"))

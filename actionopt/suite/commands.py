@@ -12,7 +12,7 @@ from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
 from actionopt.suite.dials import DIALS
 from actionopt.suite.member import Member
-from actionopt.suite.verdict import VERDICT_MODES, meaning, verdict
+from actionopt.suite.verdict import SADDLE_QUESTION, VERDICT_MODES, meaning, verdict
 from actionopt.tools.progress import Bar
 from actionopt.tools.table import print_table
 
@@ -106,6 +106,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         help="processor time of one solve (5)",
     )
     add("--memory", type=float, default=8.0, help="memory of one run, GiB (8)")
+    add("--saddle", action="store_true", help="ask for any saddle of index 1, instead")
     add("--repeats", type=_whole, default=3, help="solves; the first is counted (3)")
     add("--again", action="store_true", help="run what the file has already, too")
     add("--jobs", type=int, default=1, metavar="N", help="runs at the same time (1)")
@@ -227,7 +228,7 @@ def run(options: argparse.Namespace) -> int:
         again=options.again,
         show=partial(show_record, Bar()),
     )
-    for mode in VERDICT_MODES:
+    for mode in (SADDLE_QUESTION,) if options.saddle else VERDICT_MODES:
         counts, names = runner.tally(records, mode), meaning(mode)
         print(f"{mode}:")
         print_table(

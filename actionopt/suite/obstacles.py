@@ -129,7 +129,8 @@ def round_discs(name: str, *, centres=((0.0, 0.0),), ends=((-2, 0.3), (2, 0))) -
 
     system = System(lagrangian, ["x", "y"], obstacle=rows, name=name)
     problem_ends = [(0.0, ends[0]), (1.0, ends[1])]
-    return _scene(name, "shortest way round discs", system, problem_ends, KKT)
+    places = {f"{a}{i}": c[k] for i, c in enumerate(centres) for k, a in enumerate("xy")}
+    return _scene(name, "shortest way round discs", system, problem_ends, KKT, **places)
 
 
 def round_pegs(name: str, *, pegs: int = 3) -> Scene:

@@ -1,4 +1,4 @@
-"""Judge an answer by what was asked: a minimum, or a stationary point.
+"""Judge an answer by what was asked: a minimum, a stationary point, or a saddle of index 1.
 
 What a solver is asked decides what is right. *minimise*: a local minimum, of no larger f than the
 known optimum; or the word "unbounded" where f is. *stationary*: the known optimum, be it a saddle.
@@ -17,6 +17,7 @@ from actionopt.suite.member import Member
 from actionopt.tools.types import Array
 
 VERDICT_MODES = ("minimise", "stationary")
+SADDLE_QUESTION = "saddle"  # asked for apart from the others
 VERDICT_MEANING = {
     "minimise": {
         "right": "a local minimum, with f not above that of the known optimum; or 'unbounded', "
@@ -31,6 +32,11 @@ VERDICT_MEANING = {
         "other": "another stationary point that is known",
         "new": "a stationary point that was not known",
         "wrong": "claimed to be an optimum, and not stationary",
+    },
+    SADDLE_QUESTION: {
+        "right": "a stationary point of index 1, known or not: the highest point of a way over",
+        "other": "a stationary point of another index, such as a minimum",
+        "wrong": "claimed to be a saddle, and not stationary",
     },
 }
 UNJUDGED = {
@@ -162,6 +168,10 @@ def _verdict(record: Mapping[str, Any], mode: str, accuracy: float) -> str:
             return "wrong"
         if record.get("far_below"):
             return "right"
+    if mode == SADDLE_QUESTION:
+        if record.get("off", np.inf) <= accuracy:
+            return "right" if record.get("index") == 1 else "other"
+        return "wrong" if record["said"] == "solved" else "failed"
     if record.get("off", np.inf) <= accuracy:
         return _of_minimum(record) if minimise else _of_point(record)
     claims = ("solved", "unbounded") if minimise else ("solved",)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from actionopt.suite.models import control, fields, fits, floors, friction, infeasible, small
+from actionopt.suite.models import control, fields, fits, flips, floors, friction, infeasible, small
 from actionopt.suite.models.model import Model
 
 MODELS: dict[str, Callable[..., Model]] = {
@@ -28,5 +28,6 @@ MODELS: dict[str, Callable[..., Model]] = {
         control.double_integrator,
         control.singular_arc,
         friction.blocks_by_hand,
+        flips.pendulum_row,
     )
 }

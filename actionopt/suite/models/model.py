@@ -182,6 +182,10 @@ class Model(Member):
         return float(np.max(np.concatenate(outside)))
 
 
+DENSE_UNKNOWNS = 500  # beyond which eigenvalues take long, and only known points are looked at
+STEPS_TO_A_POINT = 20
+
+
 class WrittenModel(Model, WrittenProgram):
     """A model of mechanics as a nonlinear program, with its answer.
 
@@ -207,3 +211,51 @@ class WrittenModel(Model, WrittenProgram):
     ) -> None:
         Model.__init__(self, start=start, answer=answer, tags=tags)
         WrittenProgram.__init__(self, name, x, f, c, **written)
+
+    @property
+    def _free(self) -> bool:
+        """Whether Newton's method can look for stationary points."""
+        return not (self.m or self.has_bounds) and self.n <= DENSE_UNKNOWNS
+
+    def _bending(self, x: Array) -> Array:
+        """Return the Hessian of f, dense."""
+        rows, cols = self.hessian_structure
+        H = np.zeros((self.n, self.n))
+        H[rows, cols] = H[cols, rows] = self._hessian(x, None, 1.0)
+        return H
+
+    def _step(self, x: Array) -> Array:
+        try:
+            return -np.linalg.solve(self._bending(x), self._gradient(x))
+        except np.linalg.LinAlgError:
+            return np.full(self.n, np.nan)
+
+    def nearest(self, x: Array, reach: float) -> Stationary | None:
+        """Return a stationary point within `reach` of x, in `unit`; None if none is found.
+
+        A known one, or, without bounds and rows, one that Newton's method finds.
+        """
+        known = super().nearest(x, reach)
+        if known is not None or not self._free:
+            return known
+        there, step = np.asarray(x, dtype=float), np.full(self.n, np.inf)
+        for _ in range(STEPS_TO_A_POINT):
+            step = self._step(there)
+            there = there + step
+            if not self.distance(there, x) <= reach:  # NaN as well
+                return None
+        if not np.max(np.abs(step / self.unit)) <= 1e-9:
+            return None
+        scaled = self._bending(there) * self.unit * self.unit[:, None]
+        low = int(np.sum(np.linalg.eigvalsh(scaled) < 0))
+        return Stationary(there, self._objective(there), low)
+
+    def residual(self, x: Array) -> float:
+        """Return how far Newton's method would step from x, in units of x.
+
+        With bounds or rows, how far the nearest known stationary point is.
+        """
+        if not self._free:
+            return super().residual(x)
+        step = np.abs(self._step(np.asarray(x, dtype=float)) / self.unit)
+        return float(np.nan_to_num(np.max(step), nan=np.inf))
