@@ -62,43 +62,49 @@ def tangency_step(
     angle whose square the times determine, and may not exist at all. None if there is no step.
     A `force` (size,) is what its residual is to be in place of zero.
     """
-    tr, count = equations.at(z), times.size
-    at = DiscretePath(tr, z[: tr.layout.size])
-    held = contacts_of(tr.problem)
-    knots, where = np.union1d(held.fixed_times, times), np.searchsorted(held.fixed_times, times)
+    tr, count, held = equations.at(z), times.size, contacts_of(equations.at(z).problem)
+    where = np.searchsorted(held.fixed_times, times)
     # All times from one on move, so that a short part behind it keeps its length.
     shifted = (where[:, None] == where) & (np.arange(count)[:, None] >= np.arange(count))
-    rates = np.zeros((count, knots.size))
-    rates[:, np.searchsorted(knots, times)] = shifted.T
-    rates = np.array([np.interp(tr.mesh.boundaries, knots, rate) for rate in rates])
-    late = None
-    if isinstance(equations, Bordered) and equations.late is not None:  # with log T as well
-        late, rest = equations.late, tr.mesh.boundaries[equations.resting]
-        rates = np.vstack([rates, tr.mesh.boundaries - rest])
-    stretch = Stretch(at, rates)
+    columns, rows, corner = contact_edges(equations, z, times)
     try:
         factors = Factors(equations.layout, equations.kkt(z), many=True)
         step = factors.solve(force - equations.residual(z))
-        moves = np.zeros((z.size, count))
-        moves[: tr.layout.size] = stretch.residuals()[:, :count]
-        if late is not None:
-            moves[late] = (stretch.twice()[-1] + stretch.slopes())[:count] / tr.action_unit
-        moves = -np.stack([factors.solve(move) for move in moves.T], axis=1)
-        slopes = []
-        for slip in slips(at):
-            own = slip.by_times(stretch)
-            slope = slip.by_path(at, stretch.second) @ moves[: tr.layout.unknowns] + own[:count]
-            if late is not None:
-                slope += own[-1] * moves[late]
-            slopes.append(slope)
-        there = DiscretePath(equations.at(z + step), (z + step)[: at.z.size])
+        moves = -np.stack([factors.solve(move) for move in (columns @ shifted).T], axis=1)
+        slopes = rows @ moves + corner @ shifted
+        there = DiscretePath(equations.at(z + step), (z + step)[: tr.layout.size])
         left = np.array([slip.value for slip in slips(there)])
-        across, sizes, along = np.linalg.svd(np.array(slopes), full_matrices=False)
+        across, sizes, along = np.linalg.svd(slopes, full_matrices=False)
         pressed = sizes > PRESSING * float(tr.row_units.max()) / held.duration**2
         change = -along[pressed].T @ ((across.T @ left)[pressed] / sizes[pressed])
     except np.linalg.LinAlgError:
         return None
     return shifted @ change, step + moves @ change
+
+
+def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, Array, Array]:
+    """Return what stands beside the matrix of a path for its times of contact (J,).
+
+    The derivatives of its residual by each time alone (size, J), and of the slips by z (J, size)
+    and by the times (J, J).
+    """
+    tr, count = equations.at(z), times.size
+    at, b = DiscretePath(tr, z[: tr.layout.size]), tr.mesh.boundaries
+    knots = np.union1d(contacts_of(tr.problem).fixed_times, times)
+    rates = np.array([np.interp(b, knots, row) for row in np.eye(knots.size)])
+    rates, late = rates[np.searchsorted(knots, times)], None
+    if isinstance(equations, Bordered) and equations.late is not None:  # with log T as well
+        late, rates = equations.late, np.vstack([rates, b - b[equations.resting]])
+    stretch, met = Stretch(at, rates), list(slips(at))
+    columns, rows = np.zeros((z.size, count)), np.zeros((len(met), z.size))
+    columns[: tr.layout.size] = stretch.residuals()[:, :count]
+    for row, slip in zip(rows, met, strict=True):
+        row[: tr.layout.unknowns] = slip.by_path(at, stretch.second)
+    own = np.array([slip.by_times(stretch) for slip in met])
+    if late is not None:
+        columns[late] = (stretch.twice()[-1] + stretch.slopes())[:count] / tr.action_unit
+        rows[:, late] = own[:, -1]
+    return columns, rows, own[:, :count]
 
 
 @dataclass(eq=False)
@@ -163,15 +169,9 @@ class ContactEquations:
         """Return the nonzeros of the derivative of `residual`, as the layout says."""
         at, T = self.discrete(y), self.held.duration
         times = self.times + T * y[self.first.layout.size :]
-        knots = np.union1d(self.held.fixed_times, times)
-        alone = np.eye(knots.size)[np.searchsorted(knots, times)]
-        rates = T * np.array([np.interp(at.mesh.boundaries, knots, row) for row in alone])
-        stretch, met = Stretch(at, rates), list(slips(at))
-        C = np.zeros((times.size, at.tr.layout.size))
-        for row, slip in zip(C, met, strict=True):
-            row[: at.tr.layout.unknowns] = slip.by_path(at, stretch.second) / self.unit
-        D = np.array([slip.by_times(stretch) for slip in met]) / self.unit
-        return self.layout.join(at.tr.kkt(at.z), stretch.residuals(), C, D)
+        columns, rows, corner = contact_edges(at.tr, at.z, times)
+        edges = T * columns, rows / self.unit, T / self.unit * corner
+        return self.layout.join(at.tr.kkt(at.z), *edges)
 
 
 def merge_contacts(held: Held, a: float, b: float) -> tuple[Arc, ...]:

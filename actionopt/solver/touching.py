@@ -265,6 +265,8 @@ def _pressing(found: DiscretePath) -> NDArray[np.bool_]:
     pressing = -found.z[layout.unknowns :] > np.maximum(tr.constraint(found.x), WEAK)
     on = np.zeros((system.m, layout.node_count), dtype=bool)
     on[layout.row_constraint[pressing], layout.row_node[pressing]] = True
+    if found.problem.advance is not None:  # where a path closes, its end is its start
+        on[:, -1] |= on[:, 0]
     return on[contacts_of(found.problem).free.system.m :]
 
 
