@@ -17,7 +17,7 @@ PACKAGES = ("actionopt", "python", "casadi", "numpy", "scipy")
 def main(arguments: list[str] | None = None) -> None:
     """Run the command."""
     options = _options(arguments)
-    file = DOCS / ("stress_quick.json" if options.quick else "stress.json")
+    file = DOCS / f"stress{'_quick' * options.quick or '_before' * options.before}.json"
     families = json.loads(file.read_text()) if file.exists() else {}
     for name in () if options.report_only else options.family or FAMILIES:
         rows = packed(measure(name, options.quick, options.limit))
@@ -25,8 +25,7 @@ def main(arguments: list[str] | None = None) -> None:
         write(file, text(families, 3) + "\n")
         print(report.told(name, unpacked(rows)))
     if not options.quick:
-        known = {name: (f["about"], unpacked(f)) for name, f in families.items()}
-        write(file.with_suffix(".md"), report.page(known) + "\n")
+        write(DOCS / "stress.md", report.page(_read(""), _read("_before")) + "\n")
 
 
 def measure(name: str, quick: bool, limit: float) -> list[dict]:
@@ -38,10 +37,22 @@ def measure(name: str, quick: bool, limit: float) -> list[dict]:
     return rows
 
 
+def _read(which: str) -> dict[str, tuple[str, list[dict]]]:
+    """Return what was measured of each family: about what, and the rows."""
+    file = DOCS / f"stress{which}.json"
+    families = json.loads(file.read_text()) if file.exists() else {}
+    return {name: (f["about"], unpacked(f)) for name, f in families.items()}
+
+
 def _options(arguments):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.stress", description=__doc__)
     parser.add_argument("--family", nargs="+", choices=list(FAMILIES), help="only these")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller cases; no page")
+    parser.add_argument(
+        "--before",
+        action="store_true",
+        help="keep it as what to compare with: of another checkout, with this folder in it",
+    )
     parser.add_argument("--report-only", action="store_true", help="measure nothing")
     parser.add_argument("--limit", type=float, default=3.0, help="seconds for a peer's solve")
     return parser.parse_args(arguments)

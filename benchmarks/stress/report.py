@@ -26,9 +26,14 @@ def told(name: str, rows: list[dict]) -> str:
     return "\n".join(lines)
 
 
-def page(families: dict) -> str:
-    """Return the whole page."""
+def page(families: dict, before: dict) -> str:
+    """Return the whole page; `before` has the families as they once were, some of them."""
     known = [name for name in FAMILIES if name in families]
+    earlier = {
+        (name, c.what): c.found
+        for name, (_, rows) in before.items()
+        for c in FAMILIES[name].criteria(rows)
+    }
     lines = [
         "# Hard problems, and what came of them",
         "",
@@ -40,12 +45,20 @@ def page(families: dict) -> str:
         "path is *verified forward* by integrating the equations of motion over each element",
         "from the path's own position and velocity at its start. Where a row stands for many",
         "solves, the largest errors of those called solved are given in units of what was asked",
-        "and of what was claimed; one is *wrong* that exceeds three times both.",
+        "and of what was claimed; one is *wrong* that exceeds three times both. *Before* is what",
+        "the same questions gave once, in `stress_before.json`, where that was measured.",
         "",
         *table(
-            ["family", "what", "expected", "found", "met"],
+            ["family", "what", "expected", "before", "found", "met"],
             [
-                [FAMILIES[name].TITLE, c.what, c.expected, c.found, "yes" if c.met else "**no**"]
+                [
+                    FAMILIES[name].TITLE,
+                    c.what,
+                    c.expected,
+                    earlier.get((name, c.what), ""),
+                    c.found,
+                    "yes" if c.met else "**no**",
+                ]
                 for name in known
                 for c in FAMILIES[name].criteria(families[name][1])
             ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import actionopt as ao
-from benchmarks.stress.case import Criterion, Row
+from benchmarks.stress.case import Case, Criterion, Row, measured
 
 FAR = 3.0  # times the claim, and times the tolerance: from there on an answer is wrong
 
@@ -92,6 +93,54 @@ def counted(endings: Sequence[str], times: Sequence[float]) -> Row:
         "time": float(np.median(times)),
         "longest": max(times),
     }
+
+
+def batches(
+    kinds: dict[str, Callable[[int], Outcome]], counts: dict[str, tuple], size: int, quick: bool
+) -> list[Case]:
+    """Return the cases of the first questions of each kind, at most `size` of them a row.
+
+    As many as its counts say, of all and of a quick run; `kinds` tell the outcome of one.
+    """
+
+    def rows(ask: Callable[[int], Outcome], first: int, count: int) -> list[Row]:
+        return [row([ask(k) for k in range(first, first + count)])]
+
+    found = []
+    for kind, asked in counts.items():
+        step = min(size, asked[quick])
+        for k in range(0, asked[quick], step):
+            found.append(measured(f"{kind} {k} to {k + step - 1}", rows, kinds[kind], k, step))
+    return found
+
+
+def asked_too(name: str, ask: Callable[[int], tuple[str, float]], count: int, tol: float) -> Case:
+    """Return the case of `solve_bvp` on the first questions: `ask` tells how it ended, and error.
+
+    The error is infinite where it found nothing.
+    """
+
+    def rows() -> list[Row]:
+        endings, times, errors = [], [], []
+        for k in range(count):
+            clock = time.perf_counter()
+            ending, error = ask(k)
+            endings.append(ending)
+            times.append(time.perf_counter() - clock)
+            errors.append(error)
+        good = [e for e in errors if np.isfinite(e)]
+        found = {"of_tol": max(good) / tol} if good else {}
+        return [{"solver": "solve_bvp", **counted(endings, times), **found}]
+
+    return measured(f"{name}, solve_bvp", rows)
+
+
+def found_too(name: str, rows: Sequence[Row]) -> Criterion:
+    """Return how many `solve_bvp` found, which is told and not asked for."""
+    own = [r for r in rows if r["case"] == f"{name}, solve_bvp"]
+    solved, count = (sum(r[k] for r in own) for k in ("solved", "count"))
+    what = f"{name}: found by solve_bvp"
+    return Criterion(what, "told, not asked", f"{solved} of {count}", True)
 
 
 def never_wrong(what: str, rows: Sequence[Row]) -> Criterion:

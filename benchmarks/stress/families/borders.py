@@ -13,7 +13,6 @@ from the same guess. Times are those of a machine that was busy with other work.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -23,8 +22,16 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq, root
 
 import actionopt as ao
-from benchmarks.stress.case import Case, Criterion, Row, measured, mine, timed
-from benchmarks.stress.tally import Outcome, all_solved, counted, judged, never_wrong, row
+from benchmarks.stress.case import Case, Criterion, mine, timed
+from benchmarks.stress.tally import (
+    Outcome,
+    all_solved,
+    asked_too,
+    batches,
+    found_too,
+    judged,
+    never_wrong,
+)
 
 TITLE = "Given integrals, alone and with events and surfaces"
 TOL, SEED = 1e-9, 2029
@@ -296,36 +303,11 @@ ASK = {"ropes": ask_rope, "mixed": ask_fence}
 ASK_PEER = {"ropes": peer_rope, "mixed": peer_fence}
 
 
-def batch(kind: str, first: int, count: int) -> list[Row]:
-    """Return the row of some questions of a kind."""
-    return [row([ASK[kind](k) for k in range(first, first + count)])]
-
-
-def others(kind: str, count: int) -> list[Row]:
-    """Return the row of `solve_bvp` on the first questions of a kind."""
-    endings, times, errors = [], [], []
-    for k in range(count):
-        clock = time.perf_counter()
-        ending, error = ASK_PEER[kind](k)
-        endings.append(ending)
-        times.append(time.perf_counter() - clock)
-        errors.append(error)
-    good = [e for e in errors if np.isfinite(e)]
-    found = {"of_tol": max(good) / TOL} if good else {}
-    return [{"solver": "solve_bvp", **counted(endings, times), **found}]
-
-
 def cases(quick: bool) -> list[Case]:
     """Return them."""
-    found = []
+    found = batches(ASK, COUNTS, BATCH, quick)
     for kind, counts in COUNTS.items():
-        count = counts[quick]
-        size = min(BATCH, count)
-        found += [
-            measured(f"{kind} {k} to {k + size - 1}", batch, kind, k, size)
-            for k in range(0, count, size)
-        ]
-        found.append(measured(f"{kind}, solve_bvp", others, kind, min(PEERS, count)))
+        found.append(asked_too(kind, ASK_PEER[kind], min(PEERS, counts[quick]), TOL))
     return found
 
 
@@ -334,14 +316,7 @@ def criteria(rows) -> list[Criterion]:
     found = []
     for kind in COUNTS:
         own = mine(rows, kind)
-        count = sum(r["count"] for r in own)
         found.append(never_wrong(kind, own))
-        found.append(all_solved(kind, own, int(MOST_LOST * count)))
-        peer = [r for r in rows if r["solver"] == "solve_bvp" and r["case"].startswith(kind)]
-        solved, asked = (sum(r[x] for r in peer) for x in ("solved", "count"))
-        found.append(
-            Criterion(
-                f"{kind}: found by solve_bvp", "told, not asked", f"{solved} of {asked}", True
-            )
-        )
+        found.append(all_solved(kind, own, int(MOST_LOST * sum(r["count"] for r in own))))
+        found.append(found_too(kind, rows))
     return found

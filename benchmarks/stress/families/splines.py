@@ -12,7 +12,6 @@ busy with other work.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -25,8 +24,16 @@ from scipy.linalg import block_diag, null_space
 from scipy.optimize import root
 
 import actionopt as ao
-from benchmarks.stress.case import Case, Criterion, Row, measured, mine, timed
-from benchmarks.stress.tally import Outcome, all_solved, counted, judged, never_wrong, row
+from benchmarks.stress.case import Case, Criterion, mine, timed
+from benchmarks.stress.tally import (
+    Outcome,
+    all_solved,
+    asked_too,
+    batches,
+    found_too,
+    judged,
+    never_wrong,
+)
 
 TITLE = "Accelerations: splines and beams"
 TOL, SEED = 1e-9, 2030
@@ -303,36 +310,10 @@ def peer_beam(k: int) -> tuple[str, float]:
 ASK = {"splines": ask_spline, "gates": ask_gates, "beams": ask_beam}
 
 
-def batch(kind: str, first: int, count: int) -> list[Row]:
-    """Return the row of some questions of a kind."""
-    return [row([ASK[kind](k) for k in range(first, first + count)])]
-
-
-def others(count: int) -> list[Row]:
-    """Return the row of `solve_bvp` on the first single beams."""
-    endings, times, errors = [], [], []
-    for k in range(count):
-        clock = time.perf_counter()
-        ending, error = peer_beam(k)
-        endings.append(ending)
-        times.append(time.perf_counter() - clock)
-        errors.append(error)
-    good = [e for e in errors if np.isfinite(e)]
-    found = {"of_tol": max(good) / TOL} if good else {}
-    return [{"solver": "solve_bvp", **counted(endings, times), **found}]
-
-
 def cases(quick: bool) -> list[Case]:
     """Return them."""
-    found = []
-    for kind, counts in COUNTS.items():
-        count = counts[quick]
-        size = min(BATCH, count)
-        found += [
-            measured(f"{kind} {k} to {k + size - 1}", batch, kind, k, size)
-            for k in range(0, count, size)
-        ]
-    return [*found, measured("beams, solve_bvp", others, min(PEERS, COUNTS["beams"][quick]))]
+    peer = asked_too("beams", peer_beam, min(PEERS, COUNTS["beams"][quick]), TOL)
+    return [*batches(ASK, COUNTS, BATCH, quick), peer]
 
 
 def criteria(rows) -> list[Criterion]:
@@ -342,7 +323,4 @@ def criteria(rows) -> list[Criterion]:
         own = mine(rows, kind)
         found.append(never_wrong(kind, own))
         found.append(all_solved(kind, own, int(MOST_LOST * sum(r["count"] for r in own))))
-    peer = [r for r in rows if r["solver"] == "solve_bvp"]
-    solved, asked = (sum(r[x] for r in peer) for x in ("solved", "count"))
-    what = "beams: found by solve_bvp"
-    return [*found, Criterion(what, "told, not asked", f"{solved} of {asked}", True)]
+    return [*found, found_too("beams", rows)]
