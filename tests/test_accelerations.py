@@ -10,6 +10,7 @@ from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 import actionopt as ao
+from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.element import element
 from actionopt.discrete.factors import full
 from actionopt.discrete.mesh import Mesh
@@ -247,6 +248,21 @@ def test_least_jerk_through_gates_whose_times_are_found():
     s = np.linspace(0, 3, 50)
     np.testing.assert_allclose(path(s).T, spline(times)(s), atol=1e-10)
     assert np.ptp(path.energy(s)) < 1e-10 * path.action  # on the later legs, too
+
+
+def test_the_matrix_with_gates_is_the_derivative_of_the_equations():
+    """Unknown times of gates under accelerations, against central differences."""
+    gates = [ao.Event(None, [0.3, None]), ao.Event(None, [1.0, 0.5])]
+    ends = ao.Event(0, [0, 0]), ao.Event(1, [1, 1])
+    times = np.array([0, 0.3, 0.7, 1.0])
+    values = np.random.default_rng(2).standard_normal((2, 16))
+    path = ao.Path(Mesh(times, 5), values)
+    problem = ao.Problem(MIXED, *ends, through=gates)
+    equations, y = Bordered.around(problem, path, None, np.ones(2), times=times)
+    steps = 1e-6 * np.eye(y.size)
+    columns = [(equations.residual(y + e) - equations.residual(y - e)) / 2e-6 for e in steps]
+    matrix = full(equations.layout, equations.kkt(y))
+    assert np.abs(matrix - np.transpose(columns)).max() < 1e-7 * np.abs(matrix).max()
 
 
 def test_snap_with_a_waypoint_at_a_given_energy():

@@ -17,6 +17,8 @@ from actionopt.families.batch import member, solve_run
 from actionopt.families.common_mesh import denser
 from actionopt.families.scheduling import Front, weights
 from actionopt.mechanics.columns import Columns
+from actionopt.solver import together
+from actionopt.solver.iterate import sizes
 
 TOL = 1e-9
 
@@ -26,6 +28,13 @@ def random(seed, **ranges):
     rng = np.random.default_rng(seed)
     names = {"end": ("end", "theta"), "start": ("start", "theta")}
     return {names.get(k, k): rng.uniform(a, b, 40) for k, (a, b) in ranges.items()}
+
+
+def test_sizes_of_many_paths_are_those_of_each():
+    Q = np.random.default_rng(3).normal(size=(4, 2, 3, 5)) - [[[[3.0]], [[0.5]]]]
+    found, regular = together._sizes(Q)
+    each = [sizes(Q[..., k].transpose(0, 2, 1).reshape(-1, 2), np.ones(2)) for k in range(5)]
+    assert np.array_equal(found, np.transpose(each)) and regular.all()
 
 
 def spring():

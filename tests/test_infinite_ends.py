@@ -173,6 +173,13 @@ def test_near_the_straight_line_there_is_rest():
         assert rest.success and rest.action == 0 and rest.morse_index == 0
 
 
+def test_all_kinks():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2, ["x"])
+    problem = ao.Problem(system, ao.Event(-INF, [-1.0]), ao.Event(INF, [1.0]))
+    (kink,) = ao.solve_all(problem, starts=0, shots=0, continuations=0)
+    assert kink.action == pytest.approx(4 / 3, rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("D", [4, 5])
 def test_all_bounces(D):

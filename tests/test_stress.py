@@ -106,7 +106,9 @@ def test_many_solves_in_a_row_are_told_as_many():
     good, spent = timed(pulses.kicked("free body", 0.613, WIDTH), 1e-6)
     outcome = judged(good, lambda s: 0.0, 1e-6, spent)
     counted = {"case": "free body", "solver": "actionopt", **row([outcome] * 7)}
-    assert "| free body | actionopt | 7 of 7 | 0 |" in report.page({"pulses": ("today", [counted])}, {})
+    assert "| free body | actionopt | 7 of 7 | 0 |" in report.page(
+        {"pulses": ("today", [counted])}, {}
+    )
 
 
 @pytest.mark.parametrize("name", origins.places())

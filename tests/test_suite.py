@@ -131,6 +131,16 @@ def test_derivatives_agree_with_differences(name):
         )
 
 
+@pytest.mark.parametrize("bad", [0.0, np.nan])
+def test_multipliers_are_left_alone_where_the_gradient_is_not_known(bad, monkeypatch):
+    problem = suite.get("rod_pendulum", 2, 2)
+    tr, x = problem.transcription, problem.transcription.pack(problem.transcription.straight())
+    x = x[: tr.layout.unknowns] + 0.1
+    gradient = tr.gradient(x)
+    monkeypatch.setattr(tr, "gradient", lambda x: gradient + bad)
+    assert stars.least_multipliers(tr, x).any() == (bad == 0)
+
+
 @pytest.mark.parametrize("name", a_quarter(name for name in NAMES if name not in HELD))
 def test_stars_satisfy_the_conditions_of_kuhn_and_tucker(name):
     problem = suite.get(name)

@@ -175,6 +175,24 @@ def test_a_run_is_resumed_where_it_stopped(tmp_path, at_home):
     assert len(shown) == 3
 
 
+def test_a_run_that_is_interrupted_begins_no_more_cells(tmp_path, monkeypatch):
+    begun = []
+
+    def run_one(cell, about, limits):
+        begun.append(cell)
+        time.sleep(0.1 * (len(begun) > 1))  # while the first is told
+        return about
+
+    def interrupted(done, total, record):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runner, "run_one", run_one)
+    cells = [Cell("ipopt", "oscillator", repeats=k) for k in range(1, 9)]
+    with pytest.raises(KeyboardInterrupt):
+        runner.run(cells, tmp_path / "r.jsonl", show=interrupted)
+    assert 0 < len(begun) < len(cells)
+
+
 def test_what_has_changed_runs_again(tmp_path, monkeypatch):
     """An edited file, more time after too little, another mesh; and nothing else."""
     mine, file, shown = tmp_path / "mine.py", tmp_path / "r.jsonl", []

@@ -11,7 +11,7 @@ from actionopt import scenes
 from actionopt.discrete.arclength import BranchPoint
 from actionopt.families.marks import locate
 from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
-from actionopt.families.vary import with_values
+from actionopt.families.vary import slope, with_values
 
 OSCILLATOR = ao.System(
     lambda q, v, t, *, w: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"], parameters={"w": 2.0}
@@ -91,6 +91,15 @@ def test_coordinate_of_an_event_moves(which, name, to):
     again = ao.solve(found.family(to))
     assert found.solution(-1).action == pytest.approx(again.action, rel=1e-9)
     assert found.actions[-1] == pytest.approx(again.action, rel=1e-9)
+
+
+def test_the_start_of_a_closed_path_moves_with_its_end():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    known = {"q0": np.array([-2.0]), "q1": np.array([3.0])}
+    ends = {ao.Event(1.0, [0.0]): -2.0, ao.Periodic(1.0): 1.0}
+    for end, wanted in ends.items():
+        problem = ao.Problem(system, ao.Event(0.0, [0.0]), end)
+        assert slope(problem, known, ("start", "x")) == wanted
 
 
 def test_forced_system_has_no_index():
