@@ -30,7 +30,7 @@ def page(families: dict, before: dict) -> str:
     """Return the whole page; `before` has the families as they once were, some of them."""
     known = [name for name in FAMILIES if name in families]
     earlier = {
-        (name, c.what): c.found
+        (name, c.what, c.expected): c.found
         for name, (_, rows) in before.items()
         for c in FAMILIES[name].criteria(rows)
     }
@@ -46,7 +46,8 @@ def page(families: dict, before: dict) -> str:
         "from the path's own position and velocity at its start. Where a row stands for many",
         "solves, the largest errors of those called solved are given in units of what was asked",
         "and of what was claimed; one is *wrong* that exceeds three times both. *Before* is what",
-        "the same questions gave once, in `stress_before.json`, where that was measured.",
+        "the same questions gave once, in `stress_before.json`, where that was measured",
+        f"({'; '.join({about for about, _ in before.values()})}).",
         "",
         *table(
             ["family", "what", "expected", "before", "found", "met"],
@@ -55,7 +56,7 @@ def page(families: dict, before: dict) -> str:
                     FAMILIES[name].TITLE,
                     c.what,
                     c.expected,
-                    earlier.get((name, c.what), ""),
+                    earlier.get((name, c.what, c.expected), ""),
                     c.found,
                     "yes" if c.met else "**no**",
                 ]
