@@ -410,8 +410,6 @@ def test_what_is_refused_is_told():
         ao.Problem(SPLINE, *ends, through=[ao.Bounce(lambda q, t: q[0])])
     with pytest.raises(ValueError, match="gives no derivatives"):
         ao.solve(ao.Problem(RING, ao.Event(0, [1, None], v=[0, 1]), ao.Periodic(5.0)))
-    with pytest.raises(ValueError, match="neither constraints nor obstacles"):
-        ao.System(lambda q, v, a, t: a[0] ** 2, ["x"], constraint=lambda q, t: q[0])
     with pytest.raises(ValueError, match="put a \\* before the parameters"):
         ao.System(lambda q, v, t, m: m * v[0] ** 2, ["x"], parameters={"m": 1.0})
     with pytest.raises(ValueError, match="its arguments in this order"):
@@ -520,6 +518,81 @@ def test_symmetries_conserve_what_they_do_in_any_order():
         ao.noether(RING, lambda q, t: [q[1], q[0]])
     jerk = ao.System(lambda q, v, a, j, t: j[0] ** 2 / 2, ["x"])
     assert "x: x, t: 0.4 t" in map(str, ao.find_symmetries(jerk))  # S goes as x^2 / t^5
+
+
+def bent_ring(load):
+    """Return a beam on a circle in x and y, under a load, and the same in the angle alone."""
+    plane = ao.System(
+        lambda q, v, a, t: (a @ a) / 2 - load * (v @ v) / 2 + q[1],
+        ["x", "y"],
+        constraint=lambda q, t: (q @ q - 1) / 2,
+    )
+    angle = ao.System(
+        lambda q, v, a, t: (a[0] ** 2 + v[0] ** 4) / 2 - load * v[0] ** 2 / 2 + np.sin(q[0]),
+        ["theta"],
+    )
+    return plane, angle
+
+
+def on_ring(t, theta, rate=None):
+    along = [-math.sin(theta), math.cos(theta)]
+    v = None if rate is None else [rate * x for x in along]
+    return ao.Event(t, [math.cos(theta), math.sin(theta)], v=v)
+
+
+@pytest.mark.parametrize(("load", "inner"), [(0.0, 0.9), (60.0, None), (150.0, None)])
+def test_a_beam_under_a_constraint_is_the_one_of_coordinates_that_need_none(load, inner):
+    plane, angle = bent_ring(load)
+    gates = [] if inner is None else [(0.6, inner)]
+    known = ao.solve(
+        ao.Problem(
+            angle, ao.Event(0, [0.1], v=[0.3]), ao.Event(1, [1.4], v=[-0.2]),
+            through=[ao.Event(t, [x]) for t, x in gates],
+        ),
+        tol=1e-11,
+    )  # fmt: skip
+    ends = on_ring(0, 0.1, 0.3), on_ring(1, 1.4, -0.2)
+    through = [on_ring(*gate) for gate in gates]
+    path = ao.solve(
+        ao.Problem(plane, *ends, through=through),
+        guess=lambda t: np.array([np.cos(known(t)[0]), np.sin(known(t)[0])]),
+        tol=1e-9,
+    )
+    t = np.array([0.0, 0.2, 0.55, 0.7, 1.0])
+    (theta,), (rate,) = known(t), known.velocity(t)
+    outward, along = (
+        np.array([np.cos(theta), np.sin(theta)]),
+        np.array([-np.sin(theta), np.cos(theta)]),
+    )
+    np.testing.assert_allclose(path(t), outward, atol=1e-9)
+    assert path.action == pytest.approx(known.action, abs=1e-8)
+    assert path.morse_index == known.morse_index
+    np.testing.assert_allclose(path.energy(t), known.energy(t), rtol=1e-5, atol=1e-4)
+    p = path.momentum(t)
+    turned = np.sum(along * p[:2], axis=0) - rate * np.sum(outward * p[2:], axis=0)
+    np.testing.assert_allclose(turned, known.momentum(t)[0], rtol=1e-5, atol=1e-4)
+    _, _, a, j = known.derivatives(t)[:, 0]
+    # q'''' + load q'' + (0, 1) + lam q = 0, along q.
+    fourth = rate**4 - 3 * a**2 - 4 * rate * j
+    held = -(fourth - load * rate**2 + outward[1])
+    np.testing.assert_allclose(path.multipliers(t)[0], held, rtol=1e-4, atol=1e-2)
+    assert path.compare().agrees
+    if gates:
+        jump = path.impulses[0, :2] @ [-math.sin(inner), math.cos(inner)]
+        assert jump == pytest.approx(known.impulses[0, 0], rel=1e-5)
+
+
+def test_what_leaves_a_constraint_is_refused():
+    plane, _ = bent_ring(0.0)
+    end = on_ring(1, 1.4)
+    with pytest.raises(ValueError, match="whose v keeps the constraints"):
+        ao.Problem(plane, ao.Event(0, [1, 0], v=[1, 0]), end)
+    with pytest.raises(ValueError, match="whose q keeps the constraints"):
+        ao.Problem(plane, on_ring(0, 0.1), end, through=[ao.Event(0.5, [1, 1])])
+    with pytest.raises(ValueError, match="times and places of events where constraints"):
+        ao.Problem(plane, on_ring(0, 0.1), end.at(None), energy=0)
+    with pytest.raises(ValueError, match="expected no obstacle"):
+        ao.System(lambda q, v, a, t: a[0] ** 2, ["x"], obstacle=lambda q, t: q[0])
 
 
 def test_equations_of_motion_in_sympy():

@@ -11,6 +11,7 @@ integration (E. T. Whittaker, *A Treatise on the Analytical Dynamics* (4th ed. 1
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,11 +22,12 @@ from actionopt.analysis.compare import Comparison, compare
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.mechanics.canonical import momenta_of, motion_of
+from actionopt.mechanics.canonical import held_motion_of, momenta_of, motion_of
 from actionopt.mechanics.events import Event, State
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import EPS, Array
 
+HELD_ROUNDS = 4  # of integrals along a motion under constraints: each gains digits; ad hoc
 MOMENTA_STEPS = 20  # of Newton's method to the derivatives that belong to momenta; ad hoc
 
 
@@ -35,6 +37,11 @@ def momenta(at: DiscretePath) -> Path:
     p_1 is that of q, p_2 that of v, and so on.
     """
     tr, n = at.tr, at.problem.system.n
+    if tr.layout.rows:
+        known = derivatives(at)
+        Y, W = (np.hstack(known[k::2]) for k in (0, 1))
+        of_motion = momenta_of(at.problem.system)
+        return Path(tr.mesh, of_motion(Y, W, tr.mesh.nodes[:, None], at.problem.packed)[0].T)
     place = tr.place(at.x)
     by_place = at.problem.system.pointwise("first")(place.at, place.v, tr.times, at.problem.packed)[
         0
@@ -59,6 +66,70 @@ def momenta(at: DiscretePath) -> Path:
             below = found[nodes, row] = p[row] + rule.same.integrals(rate[None])[0][0]
         p = found[nodes][-1]
     return Path(tr.mesh, found.T)
+
+
+def derivatives(at: DiscretePath) -> list[Array]:
+    """Return q, v, a, ... at the nodes of a path under constraints, (K, n) each, 2 order of them.
+
+    Those from the order on are integrals of the next one, as the motion has it, which lead from
+    what the path is at one end of an element to what it is at the other: read from polynomials
+    they would lose digits with each. Where elements meet they are means.
+    """
+    layout = at.tr.layout
+    count, found = np.bincount(layout.node_of)[:, None], []
+    for rows in _in_elements(at):
+        whole = np.zeros((layout.node_count, rows.shape[1]))
+        np.add.at(whole, layout.node_of, rows)
+        found.append(whole / count)
+    return found
+
+
+def _in_elements(at: DiscretePath) -> list[Array]:
+    """Return the same in each element, (evaluations, n) each."""
+    tr, layout, r = at.tr, at.tr.layout, at.tr.order
+    place, motion = tr.place(at.x), held_motion_of(at.problem.system)
+    known = np.split(np.concatenate([place.at, place.v], axis=1), r + 1, axis=1)
+    while len(known) < 2 * r:
+        known.append(tr.velocities(known[-1]))
+    known = [rows.copy() for rows in known]
+    for _ in range(HELD_ROUNDS):
+        Y, W = (np.hstack(known[k::2]) for k in (0, 1))
+        last = motion(Y, W, tr.times, at.problem.packed)[0]
+        for k, g in enumerate(layout.groups):
+            half, points = tr.halves[k][:, 0], g.nodes.shape[1]
+            since = half * (1 + g.rule.nodes)  # (E, points)
+            from_last, rows = [], last[g.span].reshape(len(g.nodes), points, -1)
+            for _ in range(2 * r):  # integrals of it, once, twice, ...
+                rows = half[:, :, None] * g.rule.same.integrals(rows)[0]
+                from_last.insert(0, rows)
+            local = [x[g.span].reshape(len(g.nodes), points, -1) for x in known]
+            table = np.array([[_power(since, j - i) for j in range(2 * r)] for i in range(2 * r)])
+            ends = table[:, :, :, -1].transpose(2, 0, 1)
+            missed = [
+                local[i][:, -1] - from_last[i][:, -1]
+                - sum(ends[:, i, j, None] * local[j][:, 0] for j in range(r))
+                for i in range(r)
+            ]  # fmt: skip
+            begun = np.linalg.solve(ends[:, :r, r:], np.stack(missed, axis=1))  # (E, r, n)
+            for i in range(r, 2 * r):
+                rows = from_last[i] + sum(
+                    table[i, j][:, :, None] * begun[:, None, j - r] for j in range(i, 2 * r)
+                )
+                known[i][g.span] = rows.reshape(-1, rows.shape[2])
+    return known
+
+
+def _power(t: Array, k: int) -> Array:
+    """Return t^k / k!, zero for k < 0."""
+    return t**k / math.factorial(k) if k >= 0 else 0 * t
+
+
+def multipliers(at: DiscretePath) -> Path:
+    """Return those of the motion along a path, (m, K) at nodes: L + lam.f is stationary freely."""
+    known, system = derivatives(at), at.problem.system
+    Y, W = (np.hstack(known[k::2]) for k in (0, 1))
+    lam = held_motion_of(system)(Y, W, at.mesh.nodes[:, None], at.problem.packed)[1]
+    return Path(at.mesh, lam.T)
 
 
 def energy(at: DiscretePath) -> Path:
@@ -129,6 +200,11 @@ class CanonicalPath:
         """
         times = np.asarray(t, dtype=float)
         flat, system, path = times.ravel(), self.at.problem.system, self.at.path
+        if system.m:  # momenta are known up to the constraints' normals
+            known = [Path(self.mesh, x.T)(flat) for x in derivatives(self.at)]
+            both = (np.concatenate(known[k::2]) for k in (0, 1))
+            Y, W = (x.reshape(len(x), *times.shape) for x in both)
+            return Y, W
         n, r = system.n, system.order
         rates = [x.T for x in self.at.rates]
         y = [path(flat), *(Path(self.mesh, x)(flat) for x in rates)]
@@ -151,6 +227,16 @@ class CanonicalPath:
         ).T.reshape(shape)
 
 
+def _roughness(at: DiscretePath) -> float:
+    """Return by how much derivatives that a motion begins with differ where elements meet."""
+    tr, worst = at.tr, 0.0
+    for rows in _in_elements(at)[tr.order :]:
+        ends = rows[tr.layout.element_ends].reshape(-1, 2, rows.shape[1])
+        jump = np.abs(ends[1:, 0] - ends[:-1, 1]).max(initial=0.0)
+        worst = max(worst, float(jump / (np.abs(rows).max() or 1.0)))
+    return worst
+
+
 def compare_motion(at: DiscretePath, error: float) -> Comparison:
     """Compare a path without events between its ends with forward integrations.
 
@@ -160,6 +246,8 @@ def compare_motion(at: DiscretePath, error: float) -> Comparison:
     units = at.tr.place_units
     p = momenta(at).values.T * units
     miss = np.abs(p[-1] - at.tr.momenta(at.z)[1] * units).max() / (np.abs(p).max() or 1.0)
+    if at.problem.system.m:
+        miss = _roughness(at)
     n, path = at.problem.system.n, CanonicalPath(at, max(error, float(miss)))
     found = compare(path, count=n)
     if found.path is None:

@@ -19,7 +19,13 @@ from actionopt.analysis.action_function import action_function, opti
 from actionopt.analysis.compare import Comparison, compare, join
 from actionopt.analysis.flow import ZERO_SIZE
 from actionopt.analysis.index import Inertia, inertia, inertia_asked, inertia_through
-from actionopt.analysis.ostrogradsky import CanonicalPath, compare_motion, energy, momenta
+from actionopt.analysis.ostrogradsky import (
+    CanonicalPath,
+    compare_motion,
+    energy,
+    momenta,
+    multipliers,
+)
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
@@ -129,6 +135,8 @@ class Solution:
         if self.ends is not None:
             return self.ends.momenta
         system, parameters = self.problem.system, self.problem.parameters
+        if system.order > 1 and system.m:
+            return _read_only(*momenta(self.between_times.discrete).values.T[[0, -1]])
         if system.order > 1:
             return self._free_momenta
         if not (system.m or (system.r and (self._held_at(0) or self._held_at(1)))):
@@ -261,8 +269,7 @@ class Solution:
         p, H = [], []
         for before, after in pairwise(self.parts):
             p.append(after.momenta[0] - before.momenta[1])
-            sides = [(x.q, x.v, x.t) for x in (before.end, after.start)]
-            levels = [system.energy(*x, parameters=self.problem.parameters) for x in sides]
+            levels = [before.energy(before.end.t), after.energy(after.start.t)]
             H.append(float(levels[1] - levels[0]))
         return _read_only(np.array(p), np.array(H))
 
@@ -398,8 +405,11 @@ class Solution:
     def multipliers(self, t: ArrayLike) -> Array:
         """Return lambda(t) of L' = L + sum lambda f, shape (m, K) or (m,).
 
-        From the index-1 form of the equations at q(t), v(t), and so as accurate as v.
+        From the index-1 form of the equations at q(t), v(t), and so as accurate as v; where L
+        contains accelerations by those of the polynomials, and with fewer digits.
         """
+        if self.problem.system.order > 1:
+            return self._along_legs(multipliers, t)
         return self._pointwise("multipliers", t)
 
     def constraint_force(self, t: ArrayLike) -> Array:

@@ -143,7 +143,11 @@ class Action:
         self.action_unit, self.row_units = (
             self._units() if like is None else (like.action_unit, like.row_units)
         )
-        if layout.rows:
+        if layout.rows and self.order > 1:
+            self.row_weight = self._row_weights()
+            weight = self.row_weight[layout.row_node, layout.row_constraint // problem.system.m]
+            self.row_unit = weight * self.row_units[layout.row_constraint]
+        elif layout.rows:
             node_weight = np.bincount(layout.node_of, weight, layout.node_count)
             if layout.closed:
                 node_weight[0] += node_weight[-1]
@@ -260,7 +264,24 @@ class Action:
         sizes = np.zeros(system.m)
         largest = np.max(np.abs(G), axis=0, initial=0.0)
         np.maximum.at(sizes, layout.G_rows, largest * self.lengths[layout.G_cols])
-        return unit, np.where(sizes > 0, sizes, 1.0)
+        return unit, np.tile(np.where(sizes > 0, sizes, 1.0), self.order)
+
+    def _row_weights(self) -> Array:
+        """Return what rows are measured by besides, (K, order): int phi^2, in units of the places.
+
+        So gradients of rows are as large as the second derivatives of S by what is in an element,
+        (h / 2)^(1 - 2 r), and signs of eigenvalues stay out of round-off.
+        """
+        found = np.zeros((self.layout.node_count, self.order))
+        for g, shape, half in zip(self.layout.groups, self.layout.shapes, self.halves, strict=True):
+            points, h = g.nodes.shape[1], half[:, 0]
+            square = (shape.stiffness[0][0] @ np.ones(points))[:: points + 1]
+            part = h * (self.rate * h) ** (2 * self.order - 1) * square
+            part = part * shape.scale(half.ravel()) ** 2
+            np.add.at(found, (g.nodes[:, shape.node], shape.derivative), part)
+        if self.layout.closed:
+            found[0] += found[-1]
+        return found * self.rate ** np.arange(self.order)
 
     def with_row_units(self, row_units: Array) -> Self:
         """Return the same with other units (m,) of the constraints' rows."""
@@ -303,6 +324,8 @@ class Action:
         if self.x_origin is not None:
             x = x - self.x_origin
         z[: layout.unknowns] = x / self.x_unit
+        if lam is not None and layout.rows and self.order > 1:
+            lam = self._places(np.nan_to_num(lam))
         if lam is not None and layout.rows:
             z[layout.unknowns :] = lam[layout.row_node, layout.row_constraint] / self.mu_unit
         return z
@@ -324,7 +347,9 @@ class Action:
         """Return the multipliers (K, m); NaN where there is no row."""
         layout = self.layout
         lam = np.full((layout.node_count, self.problem.system.m), np.nan)
-        if layout.rows:
+        if layout.rows and self.order > 1:
+            lam[layout.node_of] = self._multipliers_between(z)
+        elif layout.rows:
             lam[layout.row_node, layout.row_constraint] = (
                 z[layout.unknowns : layout.size] * self.mu_unit
             )
@@ -350,11 +375,28 @@ class Action:
         scale = shape.scale(self.halves[group].ravel())
         return each[g.nodes[:, shape.node], shape.derivative] * scale[:, :, None]
 
+    def _multipliers_between(self, z: Array) -> Array:
+        """Return the multipliers at the evaluations, (evaluations, m): functions as paths are."""
+        layout = self.layout
+        places = np.zeros(layout.row_number.shape)
+        places[layout.row_node, layout.row_constraint] = (
+            z[layout.unknowns : layout.size] * self.mu_unit
+        )
+        found = np.empty((layout.evaluations, self.problem.system.m))
+        for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
+            part = by_each(shape.basis[0], self.local(k, places))
+            found[g.span] = part.reshape(-1, found.shape[1])
+        return found
+
     def places_of(self, Q: Array) -> Array:
         """Return the places (K, width) of a curve by its values Q (K, n) at the nodes.
 
         Where elements meet the derivatives are the means of theirs, or what is given there.
         """
+        return self._places(Q, given=True)
+
+    def _places(self, Q: Array, *, given: bool = False) -> Array:
+        """Return the same of any functions; what is `given` at events replaces their values."""
         layout, order = self.layout, self.order
         places = np.zeros((len(Q), order, Q.shape[1]))
         for g, half in zip(layout.groups, self.halves, strict=True):
@@ -366,8 +408,9 @@ class Action:
         places[[0, -1]] *= 2  # no neighbour beyond
         places[layout.offsets, 0] = Q[layout.offsets]
         flat = places.reshape(len(Q), -1)
-        at = layout.offsets[:, None], np.arange(layout.width)
-        flat[at] = np.where(layout.number[at] < 0, self.ends[at], flat[at])
+        if given:
+            at = layout.offsets[:, None], np.arange(layout.width)
+            flat[at] = np.where(layout.number[at] < 0, self.ends[at], flat[at])
         for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
             fit, by_ends = shape.fit
             rest = Q[g.nodes[:, 1:-1]] - by_ends @ self.local(k, flat)[:, shape.ends]
@@ -628,6 +671,20 @@ class Action:
     def constraint(self, x: Array) -> Array:
         """Return the weighted constraint rows w_k f(q_k, t_k), (rows,), in units of `row_unit`."""
         f = self._at_rows(x)[1]
+        if self.order > 1:  # int f times each function that a multiplier may be
+            found = np.zeros(self.layout.row_number.shape)
+            for k, (g, shape) in enumerate(
+                zip(self.layout.groups, self.layout.shapes, strict=True)
+            ):
+                half, w = self.halves[k], g.rule.weights[:, None]
+                part = half * by_each(shape.basis[0].T, w * f[g.span].reshape(*g.nodes.shape, -1))
+                part *= shape.scale(half.ravel())[:, :, None]
+                at = shape.derivative[:, None] * f.shape[1] + np.arange(f.shape[1])
+                np.add.at(found, (g.nodes[:, shape.node][:, :, None], at), part)
+            if self.layout.closed:
+                found[0] += found[-1]
+            rows = found[self.layout.row_node, self.layout.row_constraint]
+            return rows / self.row_unit
         return (self.row_weight * f).ravel()[self.layout.row_select] / self.row_unit
 
     @cached_property
@@ -687,8 +744,10 @@ class Action:
             self.counts["constraint"] += 1
             self.counts["constraint_jacobian"] += 1
             function = self.problem.system.pointwise("constraint_jacobian")
-            at = point.Q[self.layout.row_nodes]
-            G, f = function(at, self.row_times, self.problem.packed)
+            at, times = point.Q[self.layout.row_nodes], self.row_times
+            if self.order > 1:  # at all evaluations
+                at, times = point.at[:, : point.Q.shape[1]], self.times
+            G, f = function(at, times, self.problem.packed)
             point.rows = G.copy(), f.copy()
         return point.rows
 
@@ -697,6 +756,9 @@ class Action:
         layout, system = self.layout, self.problem.system
         if not layout.rows or system.structure.affine_constraint:
             return None
+        if self.order > 1:
+            at = self.place(z[: layout.unknowns]).at[:, : system.n], self._multipliers_between(z)
+            return system.pointwise("constraint_curvature")(*at, self.times, self.problem.packed)[0]
         Q = self.place(z[: layout.unknowns]).Q
         lam = np.zeros(layout.row_nodes.size * system.m)
         lam[layout.row_select] = z[layout.unknowns : layout.size] * self.mu_unit
@@ -709,8 +771,22 @@ class Action:
     def jacobian(self, x: Array) -> Array:
         """Return the nonzeros of the derivative of `constraint`, (nnz,) of `layout.jacobian`."""
         J = self.layout.jacobian
-        values = J.sum((self.row_weight * self.normals(x)).ravel())
+        if self.order > 1:
+            values = J.sum(np.concatenate([part.ravel() for part in self.normals_between(x)]))
+        else:
+            values = J.sum((self.row_weight * self.normals(x)).ravel())
         return values * self.x_unit[J.col] / self.row_unit[J.row]
+
+    def normals_between(self, x: Array) -> list[Array]:
+        """Return int phi_a G phi_b of each element's functions, (E, d + 1, d + 1, nonzeros)."""
+        G, found = self.normals(x), []
+        for k, (g, shape) in enumerate(zip(self.layout.groups, self.layout.shapes, strict=True)):
+            half, points = self.halves[k], g.nodes.shape[1]
+            local = G[g.span].reshape(len(g.nodes), points, -1) * half
+            part = (shape.stiffness[0][0] @ local).reshape(len(g.nodes), points, points, -1)
+            scale = shape.scale(half.ravel())
+            found.append(part * (scale[:, :, None] * scale[:, None])[..., None])
+        return found
 
     @cached_property
     def hessian_unit(self) -> Array:

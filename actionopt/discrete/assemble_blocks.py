@@ -16,7 +16,7 @@ def kkt(tr: Action, z: Array) -> Array:
     x = z[: layout.unknowns]
     A, B, C = tr.second(x)
     if tr.order > 1:
-        return _of_higher_order(tr, _second(tr, x, A, B, C))
+        return _of_higher_order(tr, _second(tr, z, A, B, C), x)
     constant = tr.problem.system.structure.constant_mass  # then the kinetic part is kept
     stiff = tr.memoize_if_constant("blocks", lambda: _stiff(tr, C)) if constant else []
     mass = C if constant else _mass(tr, C)
@@ -88,12 +88,13 @@ def kinetic(tr: Action, z: Array) -> Array:
     return nonzeros
 
 
-def _second(tr: Action, x: Array, A: Array, B: Array, C: Array) -> Array:
+def _second(tr: Action, z: Array, A: Array, B: Array, C: Array) -> Array:
     """Return the second derivatives of L by q, v, a, ... twice, (evaluations, r + 1, n, r + 1, n).
 
     A, B, C are those by (q, v, ...), by these and the highest derivative, and by that twice; what
-    forces change by with the same is added.
+    forces and those of constraints change by with the same is added.
     """
+    x = z[: tr.layout.unknowns]
     n, r, count = tr.problem.system.n, tr.order, tr.layout.evaluations
     second = tr.problem.system.pointwise("second")
     L = np.zeros((count, r + 1, n, r + 1, n))
@@ -101,6 +102,11 @@ def _second(tr: Action, x: Array, A: Array, B: Array, C: Array) -> Array:
     L[:, :r, :, r] = second.full(1, B).reshape(count, r, n, n)
     L[:, r, :, :r] = L[:, :r, :, r].transpose(0, 3, 1, 2)
     L[:, r, :, r] = second.full(2, C, symmetric=True)
+    curvature = tr.constraint_curvature(z)
+    if curvature is not None:
+        row, col = tr.problem.system.pointwise("constraint_curvature").sparsity(0)
+        L[:, 0, row, 0, col] += curvature
+        L[:, 0, col[row != col], 0, row[row != col]] += curvature[:, row != col]
     if tr.problem.system.structure.forced:
         F, force = tr.forces(x), tr.problem.system.pointwise("force_jacobian")
         L[:, 0, :, :r] += force.full(0, F[0]).reshape(count, n, r, n)
@@ -108,10 +114,10 @@ def _second(tr: Action, x: Array, A: Array, B: Array, C: Array) -> Array:
     return L
 
 
-def _of_higher_order(tr: Action, L: Array) -> Array:
+def _of_higher_order(tr: Action, L: Array, x: Array | None = None) -> Array:
     """Return the matrix in blocks where L contains accelerations: sum w B_i' L_ij B_j (`element`).
 
-    Of second derivatives as `_second` has them.
+    Of second derivatives as `_second` has them; with the constraints' normals at x, if it is given.
     """
     layout, n, r = tr.layout, tr.problem.system.n, tr.order
     nonzeros = np.zeros(layout.blocks.count)
@@ -130,6 +136,14 @@ def _of_higher_order(tr: Action, L: Array) -> Array:
         M = M * scale[:, :, :, None, None] * (scale / tr.action_unit)[:, None, None]
         at = (shape.node * layout.blocks.width + shape.derivative * n)[:, None] + np.arange(n)
         whole[:, at.ravel()[:, None], at.ravel()] = M.reshape(E, points * n, -1)
+        if layout.rows and x is not None:
+            m, cols = tr.problem.system.m, layout.G_cols
+            row = (shape.node * layout.blocks.width + layout.width + shape.derivative * m)[:, None]
+            row, col = (row + layout.G_rows)[:, None], at[:, cols][None]
+            weight = tr.row_weight[g.nodes[:, shape.node], shape.derivative]
+            G = tr.normals_between(x)[k] / weight[:, :, None, None] / tr.row_units[layout.G_rows]
+            G = G * unit[shape.derivative][:, cols][None]
+            whole[:, row, col] = whole[:, col, row] = G
     if layout.closed:
         _close(tr, elements)
     return nonzeros

@@ -152,7 +152,8 @@ class Layout(MatrixLayout):
             number[-1] = number[0, list(closed)]
         self.number = number
 
-        self.rows, self.row_number = 0, np.full((self.node_count, m), -1, dtype=np.intp)
+        places = system.order * m  # of multipliers, which live where the coordinates do
+        self.rows, self.row_number = 0, np.full((self.node_count, places), -1, dtype=np.intp)
         self.row_nodes = self.row_select = self.row_node = self.row_constraint = _NONE
         self.G_rows = self.G_cols = _NONE
         if m:
@@ -168,9 +169,11 @@ class Layout(MatrixLayout):
     def _number_rows(self, in_force: NDArray[np.bool_] | None) -> None:
         """Give the constraint rows their numbers, node by node."""
         self.G_rows, self.G_cols = self.system.pointwise("constraint_jacobian").sparsity(0)
-        keep = np.zeros((self.node_count, self.system.m), dtype=bool)
-        for i, a in zip(self.G_rows, self.G_cols, strict=True):
-            keep[:, i] |= self.number[:, a] >= 0
+        m, n = self.system.m, self.system.n
+        keep = np.zeros(self.row_number.shape, dtype=bool)
+        for k in range(self.system.order):
+            for i, a in zip(self.G_rows, self.G_cols, strict=True):
+                keep[:, k * m + i] |= self.number[:, k * n + a] >= 0
         keep[-1] &= not self.closed
         if in_force is not None:
             keep &= in_force
@@ -244,7 +247,8 @@ class Layout(MatrixLayout):
     @cached_property
     def blocks(self) -> Blocks:
         """Where everything is in a matrix stored in blocks."""
-        f, n = self.width + self.system.m, self.width
+        n = self.width
+        f = n + self.row_number.shape[1]
         node, coordinate = np.divmod(self.free, n)
         rows = self.row_node * f + n + self.row_constraint
         places = np.concatenate([node * f + coordinate, rows])
@@ -287,6 +291,8 @@ class Layout(MatrixLayout):
     @cached_property
     def jacobian(self) -> Pattern:
         """Constraint rows against the unknowns."""
+        if self.system.order > 1:
+            return Pattern.build(self.rows, self.unknowns, self._pairs_in_elements())
         at_row = self.row_number[self.row_nodes][:, self.G_rows]
         at_col = self.number[self.row_nodes][:, self.G_cols]
         return Pattern.build(self.rows, self.unknowns, [_pairs(at_row, at_col)])
@@ -338,6 +344,16 @@ class Layout(MatrixLayout):
         rows, cols = self.system.pointwise(function).sparsity(output)
         at = self.number[self.node_of]
         return _pairs(at[:, rows], at[:, cols])
+
+    def _pairs_in_elements(self) -> list[tuple[NDInt, NDInt]]:
+        """Return rows and unknowns of each element's, order (element, row, unknown, nonzero)."""
+        m, n, found = self.system.m, self.system.n, []
+        for g, el in zip(self.groups, self.shapes, strict=True):
+            node, k = g.nodes[:, el.node][:, :, None], el.derivative[:, None]
+            rows = self.row_number[node, k * m + self.G_rows]
+            cols = self.number[node, k * n + self.G_cols]
+            found.append(_pairs(rows[:, :, None], cols[:, None]))
+        return found
 
     def _mixed_targets(self, function: str, output: int):
         """Targets of w_j D_jl B_j: row at node j, column at node l, order (E, j, l, nonzero)."""

@@ -22,11 +22,14 @@ def project(tr: Transcription, Q: Array) -> Array:
     """
     problem, layout = tr.problem, tr.layout
     system = problem.system
-    at = layout.row_nodes
+    at = layout.row_nodes if system.order == 1 else np.arange(layout.node_count)
     if system.m > DENSE_ROWS or not at.size:
         return Q
     t = tr.mesh.nodes[at][:, None]
-    free = (layout.number[at] >= 0) * tr.lengths  # pinned coordinates do not move
+    free = (layout.number[at, : system.n] >= 0) * tr.lengths  # pinned coordinates do not move
+    if system.order > 1:  # values between the ends of elements are not unknowns
+        inside = np.setdiff1d(at, layout.offsets)
+        free[inside] = tr.lengths
     q = Q[at].copy()
     jacobian = system.pointwise("constraint_jacobian")
     miss, unit = np.inf, np.eye(system.m)

@@ -18,6 +18,26 @@ from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import Symbols
 
 
+def jet_of(system: System) -> list[ca.SX]:
+    """Return the symbols of q and its derivatives up to that of order 2 r, r that of L's highest.
+
+    The first r + 1 are the system's own.
+    """
+    s, n, r = system.symbols, system.n, system.order
+
+    def build() -> list[ca.SX]:
+        below = ca.vertsplit(s.q, n) if r > 1 else [s.q]
+        return [*below, s.v, *(ca.SX.sym(f"q{k}", n) for k in range(r + 1, 2 * r + 1))]
+
+    return system.memoize("jet", build)
+
+
+def rate_of(system: System, x: ca.SX) -> ca.SX:
+    """Return dx/dt along a motion, of an expression of the time and all of the jet but its last."""
+    jet = jet_of(system)
+    return ca.jtimes(x, ca.vertcat(*jet[:-1], system.symbols.t), ca.vertcat(*jet[1:], 1))
+
+
 def motion_of(system: System) -> System:
     """Return the system of the coordinates Y (order n,) that moves so; it has no action."""
     return system.memoize("motion of order two", lambda: _motion_of(system))
@@ -61,8 +81,45 @@ def _momenta_of(system: System) -> Pointwise:
     return Pointwise(ca.Function("momenta", [s.q, s.v, s.t, s.p], outputs))
 
 
+def held_motion_of(system: System) -> Pointwise:
+    """Return the function of y_2r and the constraints' multipliers, of what `momenta_of` is one."""
+
+    def build() -> Pointwise:
+        s, *found = _highest(system)
+        return Pointwise(ca.Function("held", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in found]))
+
+    return system.memoize("held motion", build)
+
+
+def _highest(system: System) -> tuple[Symbols, ca.SX, ca.SX]:
+    """Return symbols, and in them what y_2r and the multipliers of constraints are on a motion.
+
+    As the constraints' derivative of order 2 r vanishes,
+
+        (-1)^r L_rr y_2r + ... + G' lam = 0,    G y_2r + ... = 0.
+    """
+    n, m, (s, y) = system.n, system.m, _symbols_of(system)
+    equations = momenta_by(system, y)[0]
+    if system.Q.numel():
+        state = ca.vertcat(system.symbols.q, system.symbols.v)
+        equations += ca.substitute(system.Q, state, ca.vertcat(*y[: system.order + 1]))
+    rows = ca.substitute(system.f, system.place, y[0])
+    G = ca.jacobian(rows, y[0])
+    for _ in range(2 * system.order):
+        rows = ca.jtimes(rows, ca.vertcat(*y[:-1], s.t), ca.vertcat(*y[1:], 1))
+    whole = ca.vertcat(equations, rows)
+    matrix = ca.horzcat(ca.jacobian(whole, y[-1]), ca.vertcat(G.T, ca.SX.zeros(m, m)))
+    right = -ca.substitute(whole, y[-1], ca.SX.zeros(n))
+    found = ca.solve(ca.densify(matrix), ca.densify(right))
+    return s, found[:n], found[n:]
+
+
 def _motion_of(system: System) -> System:
     n, r = system.n, system.order
+    if system.m:
+        s, highest, _ = _highest(system)
+        M, right = ca.SX.eye(r * n), ca.vertcat(s.q[n:], highest)
+        return _without_action(system, s, M, right)
     s, y = _symbols_of(system)
     equations = momenta_by(system, y)[0]
     if system.Q.numel():
@@ -72,10 +129,14 @@ def _motion_of(system: System) -> System:
     mass = -ca.jacobian(equations, y[-1])
     bias = ca.substitute(equations, y[-1], ca.SX.zeros(n))
     M = ca.diagcat(ca.SX.eye((r - 1) * n), mass)
-    found = object.__new__(System)
-    names = tuple(c + "''" * k for k in range(r) for c in system.coordinates)
+    return _without_action(system, s, M, ca.vertcat(*y[2:-1:2], bias))
+
+
+def _without_action(system: System, s: Symbols, M: ca.SX, right: ca.SX) -> System:
+    """Return the system of Y that moves as M Y'' = right says."""
+    found, width = object.__new__(System), s.q.numel()
+    names = tuple(c + "''" * k for k in range(system.order) for c in system.coordinates)
     laws = ca.SX(0), ca.SX(0, 1), ca.SX(0, 1)
     found._set(s, laws, names, system.table, system.name, system.source)
-    right = ca.vertcat(*y[2:-1:2], bias)
-    vars(found)["motion"] = M, right, ca.SX(0, r * n), ca.SX(0, 1)
+    vars(found)["motion"] = M, right, ca.SX(0, width), ca.SX(0, 1)
     return found

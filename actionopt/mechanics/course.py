@@ -21,6 +21,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.canonical import jet_of, rate_of
 from actionopt.mechanics.events import RATES, Bounce, Event, Periodic
 from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_surface
 from actionopt.mechanics.system import SWITCHES, System
@@ -158,6 +159,13 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
     """
     system, n = problem.system, problem.system.n
     for event in events:
+        unknown = event.t is None or event.on is not None
+        if system.m and system.order > 1 and (unknown or isinstance(event, Periodic)):
+            raise ValueError(
+                "expected times and places of events where constraints stand beside a Lagrangian "
+                f"with accelerations, found {event!r}: what they do to a time that is found, or "
+                "round a closed path, is not known there; use coordinates that need none"
+            )
         if len(event.rates) >= system.order:
             name = RATES[len(event.rates) - 1]
             raise ValueError(
@@ -177,6 +185,30 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
                 f"{event!r}: velocities are continuous there, so that nothing is reflected, and "
                 "rests at infinity are not known"
             )
+
+
+def check_rates_on_constraints(problem: Any) -> None:
+    """Raise ValueError where what is given at an event leads off the constraints' surface."""
+    system, order = problem.system, problem.system.order
+    rows, jet = system.f, jet_of(system)
+    for k in range(order):
+        rows = rate_of(system, rows) if k else rows
+        known = ca.vertcat(*jet[: k + 1])
+        size = ca.fabs(ca.jacobian(rows, known)) @ ca.fabs(known)
+        arguments = [known, system.symbols.t, system.symbols.p]
+        function = ca.Function("rates", arguments, [rows, size])
+        for event in problem.joints_found:
+            places = event.places(order)[: known.numel()]
+            if None in places:
+                continue
+            found, unit = (np.array(x) for x in function(places, event.t, problem.packed))
+            if not (np.abs(found) <= SURFACE_TOLERANCE * (unit + np.abs(unit).max())).all():
+                off = float(np.abs(found).max())
+                raise ValueError(
+                    f"expected events whose {('q', *RATES)[k]} keeps the constraints, found "
+                    f"{event!r}: the derivative {k} of one of them is {off:.6g} there; correct it, "
+                    "or leave a coordinate of it free (None)"
+                )
 
 
 def _refuse(problem: Any, unknown: bool) -> None:

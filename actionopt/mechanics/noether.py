@@ -30,7 +30,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.canonical import momenta_by
+from actionopt.mechanics.canonical import jet_of, momenta_by, rate_of
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import (
@@ -144,26 +144,6 @@ class Conserved:
         return values[0] if single else values
 
 
-def jet_of(system: System) -> list[ca.SX]:
-    """Return the symbols of q and its derivatives up to that of order 2 r, r that of L's highest.
-
-    The first r + 1 are the system's own.
-    """
-    s, n, r = system.symbols, system.n, system.order
-
-    def build() -> list[ca.SX]:
-        below = ca.vertsplit(s.q, n) if r > 1 else [s.q]
-        return [*below, s.v, *(ca.SX.sym(f"q{k}", n) for k in range(r + 1, 2 * r + 1))]
-
-    return system.memoize("jet", build)
-
-
-def rate_of(system: System, x: ca.SX) -> ca.SX:
-    """Return dx/dt along a motion, of an expression of the time and all of the jet but its last."""
-    jet = jet_of(system)
-    return ca.jtimes(x, ca.vertcat(*jet[:-1], system.symbols.t), ca.vertcat(*jet[1:], 1))
-
-
 def _arguments(system: System) -> list[ca.SX]:
     """Return what a conserved quantity depends on: derivatives below the highest, it, t and p."""
     *below, highest = jet_of(system)[:-1]
@@ -223,6 +203,8 @@ def noether(
     -1.0
     """
     check_system(system).check_free("what is conserved without it may change in contact")
+    if system.m:
+        system.check_order("what a symmetry conserves under constraints")
     s, n, jet = system.symbols, system.n, jet_of(system)
     xi = _trace(system, generator, "generator", n)
     tau = _trace(system, time, "time", 1)

@@ -12,7 +12,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.course import check_course, check_rates, take_turns
+from actionopt.mechanics.course import (
+    check_course,
+    check_rates,
+    check_rates_on_constraints,
+    take_turns,
+)
 from actionopt.mechanics.events import Event, Periodic
 from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants, merge
@@ -179,6 +184,8 @@ class Problem:
             _check_surfaces(self)
         if self.through:
             object.__setattr__(self, "through", check_course(self))
+        if self.system.m and self.system.order > 1:
+            check_rates_on_constraints(self)
         if self.system.m:
             _check_rows(self.system)
             _check_on_surface(self)

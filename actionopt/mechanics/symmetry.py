@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.mechanics.canonical import jet_of
 from actionopt.mechanics.identity import GENERIC
 from actionopt.mechanics.noether import (
     Conserved,
@@ -21,7 +22,6 @@ from actionopt.mechanics.noether import (
     cyclic,
     euler,
     is_mechanical,
-    jet_of,
     noether,
     points_of,
 )
@@ -103,6 +103,8 @@ def find_symmetries(
     Olver, *Applications of Lie Groups to Differential Equations* (2nd ed. 1993), section 4.4.
     """
     check_system(system).check_free("what is conserved without it may change in contact")
+    if system.m:
+        system.check_order("a search for symmetries under constraints")
     s, n, place = system.symbols, system.n, system.place
     c = ca.SX.sym("c", n * (n + 2) + 2)
     xi = c[:n] + c[n + 1 : 2 * n + 1] * s.t + ca.reshape(c[2 * n + 1 : -1], n, n) @ place

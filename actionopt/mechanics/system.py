@@ -296,7 +296,7 @@ class System(NumericLaws):
         given, used = call(law, role, {"q": Q, "v": V} if role == "length" else state, named)
         L = scalar(given, role)
         if order > 1:
-            _check_parts(constraint, obstacle)
+            _check_parts(obstacle)
         constraints = forces = ca.SX(0, 1)
         if constraint is not None:
             given, names = call(constraint, "constraint", {"q": Q, "t": T}, named)
@@ -546,14 +546,13 @@ class System(NumericLaws):
         return vanishes(euler, self._arguments, [*general_states(self.n), packed])
 
 
-def _check_parts(constraint: Any, obstacle: Any) -> None:
+def _check_parts(obstacle: Any) -> None:
     """Raise ValueError for what does not go with accelerations in a Lagrangian."""
-    kind = "a constraint" if constraint is not None else "an obstacle"
-    if constraint is not None or obstacle is not None:
+    if obstacle is not None:
         raise ValueError(
-            f"expected neither constraints nor obstacles beside a Lagrangian with accelerations, "
-            f"found {kind}: how bodies are held to it there is not known; use coordinates that "
-            "need none"
+            "expected no obstacle beside a Lagrangian with accelerations, found one: where a path "
+            "with continuous velocities leaves it a momentum jumps, and where is not sought; give "
+            "the place where it touches as an event between the ends (`through=`)"
         )
 
 

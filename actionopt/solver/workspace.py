@@ -236,7 +236,8 @@ class Workspace(Generic[Place]):
             if not self.checked:
                 check(tr, Q)
                 self.checked = True
-            if system.m and lam is None and system.n + system.m <= DENSE_MOTION:
+            small = system.n + system.m <= DENSE_MOTION
+            if system.m and lam is None and small and system.order == 1:
                 lam = self._motion_multipliers(mesh, Q)
             return Iterate(tr, tr.pack(Q, lam), size, lengths, self.gain)
 
