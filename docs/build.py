@@ -14,7 +14,8 @@ import shutil
 import sys
 import tempfile
 import zipfile
-from html import unescape
+from collections.abc import Sequence
+from html import escape, unescape
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -25,6 +26,7 @@ from sphinx.cmd.build import build_main
 import actionopt as ao
 from actionopt import gallery, plot, scenes, suite
 from actionopt.gallery.course.lessons import BY_NAME
+from actionopt.suite import dials, dump, interfaces
 
 DOCS = Path(__file__).resolve().parent
 TOP = DOCS.parent
@@ -33,8 +35,16 @@ ROOMS = {
     "actionopt.plot": (plot, "Pictures and films of a solution, and the arrays that they show."),
     "actionopt.scenes": (scenes, "Examples with what is known exactly about them, and shapes."),
     "actionopt.suite": (suite, "Test problems for optimisers."),
+    "actionopt.suite.interfaces": (interfaces, "Test problems as other packages take them."),
+    "actionopt.suite.dump": (dump, "Test problems as files."),
+    "actionopt.suite.dials": (dials, "Test problems from easy to hard."),
     "actionopt.gallery": (gallery, "Scenes as web pages."),
 }
+FRONT = (  # scenes on the first page
+    "double_pendulum kepler brachistochrone rainbow billiard_ellipse figure_eight catenoid screw"
+).split()
+CARD = """<a href="gallery/{name}/index.html" title="{title}"
+><img src="gallery/{name}/thumbnail.svg" alt="{title}" width="150"></a>"""
 LINK = re.compile(r'(?:href|src)="([^"#?]+)[^"]*"')
 
 
@@ -53,8 +63,10 @@ def interface(folder: Path) -> None:
         values = [x for x in room.__all__ if not callable(getattr(room, x))]
         lines += ["", "Values", "------"] if values else []
         for x in values:
-            lines += ["", f".. data:: {x}", "", "   .. code-block:: python", ""]
-            lines += ["      " + line for line in EXAMPLES[f"{name}.{x}"]]
+            lines += ["", f".. data:: {x}", ""]
+            example = EXAMPLES.get(f"{name}.{x}", ())
+            lines += ["   .. code-block:: python", ""] if example else []
+            lines += ["      " + line for line in example]
         (folder / f"{name}.rst").write_text("\n".join([*lines, ""]))
         pages.append(name)
     listed = "\n".join(f"   {name}" for name in pages)
@@ -80,9 +92,15 @@ def examples(folder: Path) -> None:
     (folder / "course.md").write_text(text)
 
 
-def sources(folder: Path) -> None:
-    """Put all pages into a folder: those of `docs`, of the repository, and those that are made."""
+def sources(folder: Path, shown: Sequence[str] = ()) -> None:
+    """Put all pages into a folder: those of `docs`, of the repository, and those that are made.
+
+    The first page has small pictures of the scenes `shown`.
+    """
     shutil.copytree(DOCS, folder, ignore=shutil.ignore_patterns("*.py", "*.json*", "__pycache__"))
+    cards = "\n".join(CARD.format(name=name, title=escape(scenes.title(name))) for name in shown)
+    first = folder / "index.md"
+    first.write_text(first.read_text().replace("<!-- scenes -->", f"<p>{cards}</p>"))
     theory = folder / "theory.md"
     theory.write_text(theory.read_text().replace("](../CONTRIBUTING.md)", "](contributing.md)"))
     for name in ("README", "CONTRIBUTING", "CHANGELOG"):
@@ -124,14 +142,15 @@ def main() -> int:
     asked = parser.parse_args()
     if asked.site.exists() and any(asked.site.iterdir()):
         parser.error(f"expected a new or an empty folder, found {asked.site} with files in it")
+    built = scenes.SCENES[: asked.scenes]
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made) / "pages"
-        sources(folder)
+        sources(folder, [name for name in FRONT if name in built])
         options = ["-q", "-W", "--keep-going", "-j", asked.jobs, "-c", str(DOCS)]
         wrong = build_main([*options, "-d", f"{made}/trees", str(folder), str(asked.site)])
     pack(asked.site / "actionopt.zip")
     notebooks.write(asked.site / "notebooks")
-    gallery.build(asked.site / "gallery", list(scenes.SCENES)[: asked.scenes])
+    gallery.build(asked.site / "gallery", list(built))
     dead = dead_links(asked.site)
     print("\n".join(f"leads nowhere: {link}" for link in dead))
     return wrong or bool(dead)

@@ -12,6 +12,8 @@ from typing import Any
 from actionopt import suite
 from actionopt.suite.member import Member
 
+__all__ = ["DIALS", "Dial"]
+
 
 @dataclass(frozen=True)
 class Dial:

@@ -22,6 +22,7 @@ from actionopt.suite.member import Member
 from actionopt.suite.problem import TestProblem
 from actionopt.tools.files import whole, write
 
+__all__ = ["archive", "dump", "file_name"]
 SUITE_MANIFEST, OPTIMA_FILE = "manifest.json", "known_optima.csv"
 COLUMNS = (
     "file name class kind unbounded_below elements degree parameters decades start n m "

@@ -28,7 +28,7 @@ async def run_cell(code):
 `;
 
 const form = document.querySelector("#python");
-const status = form.querySelector("[role=status]");
+const said = form.querySelector("[role=status]");
 const cells = [...document.querySelectorAll(".highlight-python pre")].map(cell);
 form.elements.address.value =
   new URLSearchParams(location.search).get("pyodide") ?? form.elements.address.value;
@@ -52,25 +52,25 @@ async function start(event) {
   const address = new URL(`${form.elements.address.value.replace(/\/*$/, "")}/`, location.href).href;
   button.disabled = true;
   try {
-    status.textContent = "Python is being loaded ...";
+    said.textContent = "Python is being loaded ...";
     const { loadPyodide } = await import(`${address}pyodide.mjs`);
     const python = await loadPyodide({ indexURL: address });
     await python.loadPackage(PACKAGES, { errorCallback: () => {} });
     const answer = await fetch(new URL("actionopt.zip", location.href));
     python.unpackArchive(await answer.arrayBuffer(), "zip");
     python.runPython(HELPERS);
-    status.textContent = "actionopt is being loaded ...";
+    said.textContent = "actionopt is being loaded ...";
     await python.runPythonAsync("import actionopt, casadi");
     for (const one of cells) {
       one.code.contentEditable = "plaintext-only";
       one.button.disabled = false;
       one.button.onclick = () => run(python, one);
     }
-    status.textContent = `Python ${python.runPython("import sys; sys.version.split()[0]")} is ready.`;
+    said.textContent = `Python ${python.runPython("import sys; sys.version.split()[0]")} is ready.`;
   } catch (error) {
     button.disabled = false;
     const why = `${error.message ?? error}`.trim().split("\n").at(-1);
-    status.textContent = `Python was not loaded from ${address}: ${why}`;
+    said.textContent = `Python was not loaded from ${address}: ${why}`;
   }
 }
 
