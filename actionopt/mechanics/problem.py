@@ -133,8 +133,9 @@ class Problem:
             )
         surfaces = getattr(self.start, "on", None), getattr(self.end, "on", None)
         on_surface = surfaces != (None, None)
-        if on_surface or self.through:
-            events = self.start, *self.through, self.end
+        if on_surface or self.through or self.asked is not None:
+            source = self.asked or self  # what was found lies on the surfaces that were asked for
+            events = source.start, *source.through, source.end
             system = with_parameters(self.system, events, self.parameters)
             object.__setattr__(self, "system", system)
         values = self.system.table.values(self.parameters)

@@ -330,7 +330,9 @@ def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
     at = problem.found_at(times)
     known = zip(at.joints_found, places, strict=True)
     start, *through, end = (Event(e.t, q)._with_rates_of(e) for e, q in known)
-    given = {name: x for name, x in at.parameters.items() if name != SWITCHES}
+    laws = at.laws or (at.system,)  # the legs do not know parameters of surfaces alone
+    own = {name for law in laws for name in law.table.shapes} - {SWITCHES}
+    given = {name: x for name, x in at.parameters.items() if name in own}
     fixed = Problem(at.question, start, end, parameters=given, through=through)  # type: ignore[arg-type]
     first = DiscretePath.of(fixed, path.on(with_degrees(path.mesh, fixed.system.order)))
     found = approach(first.tr, first.z, APPROACHES)
