@@ -262,17 +262,67 @@ def test_what_cannot_be_traced_is_shown_on_the_motion():
 
 def test_bad_questions_are_refused(folder):
     closed = ao.Problem(DOUBLE_WELL, ao.Event(0, [None]), ao.Periodic(6.0))
-    with pytest.raises(ValueError, match="path that closes"):
-        plot.page(closed, folder / "closed.html")
-    for_ever = ao.Problem(DOUBLE_WELL, ao.Event(-math.inf, [-1.0]), ao.Event(0.0, [0.0]))
-    with pytest.raises(ValueError, match="infinite time"):
-        plot.page(for_ever, folder / "closed.html")
-    some_time = ao.Problem(DOUBLE_WELL, ao.Event(0, [-1.0]), ao.Event(None, [1.0]), energy=1.0)
-    with pytest.raises(ValueError, match="time that is free"):
-        plot.page(some_time, folder / "closed.html")
     with pytest.raises(ValueError, match=r"ends in \.html"):
         plot.page(closed, folder / "closed.pdf")
     assert not list(folder.glob("closed*"))
+
+
+HILLS = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (1 - q[0] ** 2) ** 2 / 4, ["x"])
+FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+FOUND = {  # questions whose ends are to be found, and what is said of that
+    "closes": (
+        ao.Problem(DOUBLE_WELL, ao.Event(0, [None]), ao.Periodic(8.0)),
+        "The path closes",
+    ),
+    "window": (
+        ao.Problem(HILLS, ao.Event(-math.inf, [-1.0]), ao.Event(0.0, [0.0])),
+        "infinite time",
+    ),
+    "time": (
+        ao.Problem(DOUBLE_WELL, ao.Event(0, [-1.0]), ao.Event(None, [1.0]), energy=1.0),
+        "The time was to be found",
+    ),
+    "cart": (scenes.get("throw_at_cart").problem, "The time was to be found"),
+    "surface": (
+        ao.Problem(
+            FREE, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [None, None], on=lambda q, t: q[0] - 1)
+        ),
+        "meets a surface",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", a_quarter(FOUND))
+def test_ends_that_were_found_are_kept(folder, chromium, kind):
+    question, said = FOUND[kind]
+    known = ao.solve(question, tol=1e-10)
+    file = folder / f"{kind}.html"
+    plot.page(question, file)
+    chromium.open(file, still=True)
+    assert said in chromium.run("document.querySelector('.section-note').textContent")
+    press(chromium, "solve")
+    t = known.path.mesh.boundaries
+    assert told(chromium, "duration") == pytest.approx(t[-1] - t[0])
+    at = np.linspace(t[0], t[-1], 20001)
+    L = question.system.lagrangian(
+        known.path(at), known.path.velocity(at), at, parameters=question.parameters
+    )
+    simpson = np.r_[1, np.tile([4, 2], 9999), 4, 1] * (at[1] - at[0]) / 3
+    assert told(chromium, "action") == pytest.approx(float(L @ simpson), rel=1e-6)
+    assert chromium.errors == []
+
+
+def test_what_a_page_cannot_solve_again_is_shown_as_found(folder, chromium):
+    round_post = scenes.get("rope_round_post").problem
+    file = folder / "post.html"
+    plot.page(round_post, file)
+    chromium.open(file, still=True)
+    words = chromium.run("document.querySelector('figcaption').textContent")
+    assert "a question with an obstacle again" in words
+    assert "It shows the path that was found" in words
+    assert chromium.run("document.querySelectorAll('.live').length") == 0
+    assert chromium.run("document.querySelector('.found svg').clientWidth") > 300
+    assert chromium.errors == []
 
 
 @pytest.mark.parametrize("name", ["oscillator", "rod_pendulum", "kepler", "heavy_top"])

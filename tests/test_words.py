@@ -22,7 +22,7 @@ from actionopt.gallery.story import PARAGRAPH, TEMPLATE
 from actionopt.gallery.texts import texts
 from actionopt.plot._relaxation import VERDICTS
 from actionopt.plot._runs import QUANTITIES
-from actionopt.plot.live import film
+from actionopt.plot.live import as_found, film
 from actionopt.plot.live.page import STATIC
 from actionopt.plot.live.words import PAGE_WORDS
 from actionopt.tools.document import document
@@ -48,6 +48,8 @@ def said():
         *QUANTITIES.values(),
     }
     found |= {text for *texts, _ in IDEAS for text in texts}
+    found |= {text for _, text in (*as_found.ENDS_KEPT, *as_found.ALONE)}
+    found |= {as_found.SHOWN_ALONE, as_found.LOST_ALONE}
     found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
     found |= {*PAGE_WORDS.values(), *(text for said in VERDICTS.values() for text in said)}
     story = PARAGRAPH.finditer(TEMPLATE.read_text(encoding="utf-8"))

@@ -10,18 +10,17 @@ from typing import Any
 
 from actionopt import __version__
 from actionopt.analysis.solution import Solution
-from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NO_UNITS, UnitNames, units_of
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import Draw
-from actionopt.plot.live.data import check, data
+from actionopt.plot.live.as_found import answer, still
+from actionopt.plot.live.data import data
 from actionopt.plot.live.drawing import drawing
 from actionopt.plot.live.film import STATIC
 from actionopt.plot.live.words import words as spoken
 from actionopt.scenes import Measure, Scene
 from actionopt.solver.arguments import Guess
-from actionopt.solver.solve import solve
 from actionopt.tools.document import document
 from actionopt.tools.files import ready, write
 from actionopt.tools.greek import letter
@@ -30,7 +29,6 @@ from actionopt.tools.words import current, language, say
 
 SCRIPTS = ("action.js", "address.js", "sentences.js", "live.js")
 MINUS_SIGN = "\N{MINUS SIGN}"
-PAGE_TOL = 1e-10  # of the path that the page has as its answer
 
 
 def page(
@@ -61,11 +59,14 @@ def page(
     lang : {"en", "de", "fr"}, optional
         Of the words; by default that of `plot.language`.
 
+    Where the path closes, or its times or places were to be found, the page keeps the ends of the
+    path that was found, and says so. What it cannot solve again, along an obstacle, through events,
+    with a given integral or with accelerations, it shows as it was found.
+
     Raises
     ------
     ValueError
-        For a path that closes, events between its ends, on surfaces or at infinite or unknown
-        times, an obstacle, given integrals, accelerations, or a law that a page cannot compute.
+        For a law that a page cannot compute.
     SolveError
         If no path is found.
     OSError
@@ -94,17 +95,21 @@ def whole(
         draw, guess = draw or question.draw, question.guess if guess is None else guess
         units = units_of(question) if units is None else units
     units = NO_UNITS if units is None else units
-    check_whole(problem, "a page that solves")
-    check(problem)
-    solution = solve(problem, tol=PAGE_TOL, guess=guess)
+    solution, kept, bends = answer(problem, guess, units)
+    shown = (
+        figure(solution.problem, solution, units=units, draw=draw, measure=measure)
+        if bends
+        else still(solution, units, kept)
+    )
+    note = f'<p class="section-note">{escape(kept)}</p>\n' if kept and bends else ""
     what = say("{title}: bend the path, and see its action", title=title)
     made = say("Made by actionopt {version}.", version=escape(__version__))
     style, *scripts = (read(STATIC / name) for name in ("style.css", *SCRIPTS))
     code = "\n".join(f"<script>\n{text}</script>" for text in scripts)
     body = f"""<main>
 {above}<header class="title"><h1>{escape(title)}</h1>
-<p class="lead">{escape(_sentence(problem, units, measure))}</p></header>
-{figure(problem, solution, units=units, draw=draw, measure=measure)}
+<p class="lead">{escape(_sentence(solution.problem, units, measure)) if bends else ""}</p></header>
+{note}{shown}
 </main>
 <footer class="site"><p>{made}</p></footer>
 {code}"""
