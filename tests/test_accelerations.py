@@ -648,6 +648,18 @@ def test_from_a_neighbour_with_other_velocities_at_its_ends(n):
 
 
 @pytest.mark.slow
+def test_all_paths_of_a_beam_on_a_circle():
+    plane, angle = bent_ring(70.0)
+    known = ao.solve_all(ao.Problem(angle, ao.Event(0, [0.1], v=[0]), ao.Event(1, [1.4], v=[0])))
+    found = ao.solve_all(ao.Problem(plane, on_ring(0, 0.1, 0), on_ring(1, 1.4, 0)), continuations=0)
+    assert len(found) >= 2
+    for path in found:  # each is one of the angle's
+        nearest = min(known, key=lambda x, path=path: abs(x.action - path.action))
+        assert path.action == pytest.approx(nearest.action, abs=1e-5)
+        assert path.morse_index == nearest.morse_index
+
+
+@pytest.mark.slow
 def test_all_shapes_of_a_buckled_beam():
     # Hinged, beyond P = pi^2: the straight shape, and one to each side.
     beam = ao.System(lambda q, v, a, t: a[0] ** 2 / 2 - 15 * v[0] ** 2 / 2 + v[0] ** 4 / 4, ["w"])

@@ -228,10 +228,14 @@ class Answers:
 
     def _least(self, starts: int) -> Iterator[Start]:
         """Yield what minimising leads to from curves that wave about the straight line."""
-        if self.problem.system.structure.forced:
+        system = self.problem.system
+        if system.structure.forced:
             return
         for k, (c, z) in enumerate(self._curves(starts)):
             self.tell("least starts", k, starts * len(self.classes), "least starts")
+            if system.m and system.order > 1:  # Ipopt does not know these rows
+                yield self._start(c, Path(c.tr.mesh, c.tr.coordinates(z).T), "a curve")
+                continue
             attempt = find(c.tr, z, "least")
             path = self._unseen(c, attempt.z) if attempt.converged else None
             if path is not None:
