@@ -19,7 +19,7 @@ from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import SparseFactors, diagonal, factorize_part
 from actionopt.mechanics.held import Held
-from actionopt.mechanics.problem import diagonal as diagonal_of
+from actionopt.mechanics.scales import diagonal as diagonal_of
 from actionopt.tools.types import EPS, Array
 
 # How much more a mesh may leave out of Jacobi fields, the root of how far eigenvalues are off, than

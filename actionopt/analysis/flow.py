@@ -24,7 +24,7 @@ from actionopt.tools.types import Array
 # between two outputs a regular motion needs some tens of steps.
 CVODES_LONGEST, CVODES_STEPS = 1 / 200, 50_000
 # A coordinate this much smaller than the others is zero; ad hoc: a motion integrated roughly
-# leaves more than round-off (`problem.NEGLIGIBLE`) in it.
+# leaves more than round-off (`scales.NEGLIGIBLE`) in it.
 ZERO_SIZE = 1e-10
 NOISE_STATES, NOISE_QUANTILE = 16, 0.9  # states that tell the round-off, and which; ad hoc
 STEP_NOISE = 0.1  # of the noise of a step is what CVODES sees of it at high orders; ad hoc

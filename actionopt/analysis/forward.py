@@ -29,7 +29,7 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import across, jumps
-from actionopt.mechanics.problem import SURFACE_TOLERANCE
+from actionopt.mechanics.surface import SURFACE_TOLERANCE
 from actionopt.mechanics.system import System, check_system
 from actionopt.tools.checks import number, tolerance
 from actionopt.tools.types import EPS, Array, NDInt

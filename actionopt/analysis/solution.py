@@ -42,8 +42,9 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.reflection import leave
+from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 

@@ -25,7 +25,8 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.mechanics.surface import Surface
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.types import Array

@@ -31,7 +31,8 @@ from actionopt.discrete.boundaries import boundaries_at, find_boundaries, sides
 from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.nodal import Term, rest_action, terms
-from actionopt.mechanics.problem import Problem, diagonal
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import diagonal
 from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time

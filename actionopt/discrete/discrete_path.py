@@ -12,7 +12,8 @@ from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.tools.types import Array
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from actionopt.discrete import assemble_blocks, assemble_sparse, second_quadrature
 from actionopt.discrete.action import Action
-from actionopt.mechanics.problem import diagonal
+from actionopt.mechanics.scales import diagonal
 from actionopt.tools.median import median
 from actionopt.tools.types import Array
 

@@ -19,7 +19,8 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.families.centres import guesses
 from actionopt.families.searches import SAME_PATH, Answers
-from actionopt.mechanics.problem import Problem, first_state
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import first_state
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import solve_near

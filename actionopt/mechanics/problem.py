@@ -8,10 +8,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.mechanics.consistency import (
+    check_alike,
+    check_constraint_rows,
+    check_free_time,
+    check_on_surface,
+    check_surfaces,
+)
 from actionopt.mechanics.course import (
     check_course,
     check_rates,
@@ -19,27 +25,17 @@ from actionopt.mechanics.course import (
     take_turns,
 )
 from actionopt.mechanics.events import Event, Periodic
-from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants, merge
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.pulses import centres
 from actionopt.mechanics.rest import Rest, rest
-from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_parameters, with_surface
+from actionopt.mechanics.scales import motion_of, scales_of
+from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
-from actionopt.tools.checks import by_name, number, numbers
+from actionopt.tools.checks import by_name, numbers
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array
 
-# What the solver measures coordinates in. Ad hoc: a unit need not be right but in its order of
-# magnitude. `NEARBY`, `SHORT_MOTION`, `AMPLITUDES` and `ACCIDENTAL` a third or three times as
-# large change no iteration on any scene.
-NEARBY = 1e-2  # of their coordinates' size: events closer together lie far from zero
-SHORT_MOTION = 0.02  # of a coordinate's size, a motion that is better measured by itself
-MOTIONLESS = 1e-13  # of a coordinate's size, a motion of which the straight line tells nothing
-ALONG = np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the straight line, where it is asked
-AMPLITUDES = 10.0  # |force / stiffness|, the distance to rest, that a motion may extend
-ACCIDENTAL = 0.05  # of the largest coordinate, one whose size at the events may be an accident
-NEGLIGIBLE = 1e-12  # a coordinate this much smaller than another is zero up to rounding
 # Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
 
@@ -160,7 +156,7 @@ class Problem:
             if event.on is not None:
                 object.__setattr__(self, role, with_surface(event, self.system))
         if self.free_time or self.energy is not None:
-            _check_free_time(self)
+            check_free_time(self)
         elif not self.start.t < self.end.t:
             raise ValueError(
                 f"expected the end event after the start event, found t1 = {self.end.t} and "
@@ -182,19 +178,19 @@ class Problem:
         if self.system.order > 1 or any(e.rates for e in (self.start, self.end)):
             check_rates(self, (self.start, self.end))
         if on_surface:
-            _check_surfaces(self)
+            check_surfaces(self)
         if self.through:
             object.__setattr__(self, "through", check_course(self))
         if self.system.m and self.system.order > 1:
             check_rates_on_constraints(self)
         if self.system.m:
-            _check_rows(self.system)
-            _check_on_surface(self)
+            check_constraint_rows(self.system)
+            check_on_surface(self)
         if self.system.r:
             check_rows(self.system)
             check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
         if isinstance(self.end, Periodic) and self.end.relabel is not None:
-            _check_alike(self)
+            check_alike(self)
 
     packed: Array = field(init=False, repr=False)
 
@@ -537,18 +533,7 @@ class Problem:
         A coordinate that is zero or free at both events is given the size of the largest; so is
         one that may be rounding of another, small beside it in whatever they are measured.
         """
-        known = [[abs(x) if x is not None else 0.0 for x in e.near] for e in self.joints_found]
-        size = np.array(known).max(axis=0)
-        largest = float(size.max())
-        if not largest > 0:
-            return np.ones(size.shape)
-        nothing = size <= NEGLIGIBLE * largest
-        if not nothing.any():
-            return size
-        if np.any(size[nothing]):  # small, or of another unit: an angle beside a distance
-            natural = size * np.sqrt(self._inertias())
-            nothing &= ~(natural > NEGLIGIBLE * np.max(natural))
-        return np.where(nothing, largest, size)
+        return scales_of(self)
 
     @cached_property
     def lengths(self) -> Array:
@@ -569,54 +554,7 @@ class Problem:
 
     @cached_property
     def _motion(self) -> tuple[Array, Array | None]:
-        """`lengths` and `origin`."""
-        scales = self.scales
-        if self.through or self.system.order > 1:
-            return scales, None
-        pairs = list(zip(self.start.near, self.end.near, strict=True))
-        near = [_close(a, b) for a, b in pairs]
-        if not any(near) and (len(near) == 1 or scales.min() >= ACCIDENTAL * scales.max()):
-            return scales, None
-        close = np.array(near)
-        inertia = self._inertias()
-        with np.errstate(all="ignore"):
-            units = 1 / np.sqrt(inertia)  # as much kinetic energy in each
-            size = np.where(close, self._extents(pairs, inertia), scales)
-            natural = size / units
-            least = (
-                np.where(close, 1.0, ACCIDENTAL) * np.nanmax(natural[np.isfinite(natural)]) * units
-            )
-        size = np.fmax(size, np.where(np.isfinite(least), least, 0.0))
-        far = close & (size < SHORT_MOTION * scales) & (size > MOTIONLESS * scales)
-        lengths = np.where(far | ~close, size, scales)
-        if not far.any():
-            return lengths, None
-        ends = np.array([[a or 0.0, b or 0.0] for a, b in pairs])
-        return lengths, np.where(far, ends.mean(axis=1), 0.0)
-
-    def _extents(self, pairs: list[tuple[float | None, float | None]], inertia: Array) -> Array:
-        """Return how far a motion near the straight line extends, (n,), as far as L tells."""
-        ends = np.array([[a or 0.0, b or 0.0] for a, b in pairs])
-        apart, system = ends[:, 1] - ends[:, 0], self.system
-        one = not apart.any() and not system.structure.depends_on_time  # place, as where it closes
-        along = ALONG[:1] if one else ALONG
-        q = ends[:, 0] + along[:, None] * apart
-        v = np.repeat(apart[None] / self.duration, along.size, axis=0)
-        at = q, v, self.start.t + along[:, None] * self.duration, self.packed
-        force = np.abs(system.pointwise("first")(*at)[0])
-        stiffness = diagonal(system, 0, system.pointwise("second")(*at)[0])
-        rest = AMPLITUDES * force.max(axis=0) / stiffness.max(axis=0)
-        deflection = np.fmin((force / inertia).max(axis=0) * self.duration**2 / 8, rest)
-        return np.fmax(np.abs(apart), deflection)
-
-    def _inertias(self) -> Array:
-        """Return the magnitude of the diagonal of d2L/dv2 at the start, shape (n,)."""
-        q = np.array([[0.0 if x is None else x for x in e.near] for e in (self.start, self.end)])
-        second = self.system.pointwise("second")
-        v = (q[1:] - q[:1]) / self.duration
-        state = first_state(self.system, q[:1], v)
-        values = second(*state, np.array([[self.start.t]]), self.packed)[2][0]
-        return diagonal(self.system, 2, values[None])[0]
+        return motion_of(self)
 
 
 def _restore_asked(
@@ -652,178 +590,3 @@ def _time(event: Any) -> float:
     """Return the time of an event; NaN where it is to be found."""
     t = getattr(event, "t", None)
     return np.nan if t is None else t
-
-
-def _check_free_time(problem: Problem) -> None:
-    """Raise ValueError where a free time or an energy does not fit the problem."""
-    system = problem.system
-    structure = system.structure
-    if not problem.free_time:
-        raise ValueError(
-            f"expected an energy where the time of an event is free, found energy = "
-            f"{problem.energy} and both times given; make one of them None"
-        )
-    if np.inf in (abs(e.t or 0.0) for e in (problem.start, problem.end)):
-        raise ValueError(
-            "expected a finite time beside one that is free, found an infinite one: the duration "
-            "is then infinite; give both events their times"
-        )
-    energy = 0.0 if problem.energy is None else number(problem.energy, "the energy")
-    object.__setattr__(problem, "energy", energy)
-    if structure.forced:
-        raise ValueError(
-            "expected a system without non-conservative forces where a time is free: with them "
-            "no action is stationary in the time; give both times"
-        )
-    closes = problem.end.advance is not None
-    if closes and (problem.start.t is None or structure.depends_on_time):
-        raise ValueError(
-            "expected a closed path of a system without a clock, begun at a given time, where the "
-            "period is to be found; give it, a multiple of that of the clock"
-        )
-    if problem.start.t is None and problem.end.t is None and structure.depends_on_time:
-        raise ValueError(
-            "expected one time that is given, where L depends on the time, found both free"
-        )
-    if system.m and structure.depends_on_time:
-        _check_left_free(problem)
-
-
-def _check_left_free(problem: Problem) -> None:
-    """Raise ValueError for a constraint that moves, and that an event of unknown time decides."""
-    system = problem.system
-    rows, columns = system.pointwise("constraint_jacobian").sparsity(0)
-    moving, _ = ca.jacobian_sparsity(system.f, system.symbols.t).get_triplet()
-    for role, event in (("start", problem.start), ("end", problem.end)):
-        given = np.isin(columns, event.pinned)
-        for i in moving:
-            if event.t is None and given[rows == i].all():
-                raise ValueError(
-                    f"expected a coordinate that is free at the {role}, for constraint row {i}, "
-                    "which moves in time, to decide, found all of them given: they tell the time "
-                    "at which they satisfy it; give that, or leave a coordinate free (None)"
-                )
-
-
-def _check_alike(problem: Problem) -> None:
-    """Raise ValueError if L tells the coordinates apart that take each other's place.
-
-    L(P q + a, P v, t + T) = L(q, v, t) at points in general position.
-    """
-    system, order, advance = problem.system, list(problem.order), problem.advance
-    assert advance is not None
-    if system.m or system.structure.forced:
-        raise ValueError(
-            "expected a system without constraints and non-conservative forces where a path closes "
-            "in another order, found one with; give the whole period, without relabel="
-        )
-    n, width = system.n, system.n * system.order
-    q, v, t = np.split(general_points(width + n + 1), [width, width + n], axis=1)
-    q, v = q * np.tile(problem.scales, system.order), v * problem.scales
-    first = system.pointwise("first")
-    later, moved = t if problem.free_time else t + problem.duration, q[:, problem.closed_places]
-    moved[:, :n] += advance
-    with np.errstate(all="ignore"):
-        L = first(q, v, t, problem.packed)[2][:, 0].copy()
-        there = first(moved, v[:, order], later, problem.packed)[2][:, 0]
-        off = np.abs(there - L) > SURFACE_TOLERANCE * (np.abs(L) + np.abs(there))
-    if off.any():
-        k = int(np.argmax(off))
-        names = [system.coordinates[i] for i in order]
-        raise ValueError(
-            "expected an order of the coordinates that leaves L as it is, L(P q, P v) = L(q, v), "
-            f"found that {names} does not: at one point L is {L[k]:.6g}, and {there[k]:.6g} in "
-            "that order; bodies that take each other's place have equal masses and charges"
-        )
-
-
-def _check_surfaces(problem: Problem) -> None:
-    """Raise ValueError where what an event lies on does not fit the rest of the question."""
-    ends = problem.start, problem.end
-    both = problem.free_time and problem.start.t is None and problem.end.t is None
-    for role, event in (("start", ends[0]), ("end", ends[1])):
-        on, free = event.on, [i for i, x in enumerate(event.q) if x is None]
-        if on is None:
-            continue
-        if on.count > len(free):
-            raise ValueError(
-                f"expected on at the {role} to return at most as many expressions as it has free "
-                f"coordinates, {len(free)}, found {on.count}; leave more coordinates free (None)"
-            )
-        rows, columns = on.law.jac_sparsity(0, 0).get_triplet()
-        decides = {i for i, j in zip(rows, columns, strict=True) if j in free}
-        for i in set(range(on.count)) - decides:
-            raise ValueError(
-                f"expected each expression of on at the {role} to contain a coordinate that is "
-                f"free there, found that number {i} contains none; a time is given as t"
-            )
-        if both and on.depends_on_time:
-            raise ValueError(
-                f"expected one time that is given, where on at the {role} depends on the time, "
-                "found both free"
-            )
-
-
-def first_state(system: System, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return what functions of a system take in place of q and v, (K, n), at constant rates."""
-    if system.order == 1:
-        return q, v
-    rest = np.zeros((len(q), (system.order - 2) * system.n))
-    return np.concatenate([q, v, rest], axis=1), np.zeros_like(v)
-
-
-def diagonal(system: System, output: int, values: Array) -> Array:
-    """Return the magnitudes (K, n) on the diagonal of L_qq (0) or L_vv (2) with these nonzeros."""
-    rows, cols = system.pointwise("second").sparsity(output)
-    found, on = np.zeros((len(values), system.n)), (rows == cols) & (rows < system.n)
-    found[:, rows[on]] = np.abs(values[:, on])
-    return found
-
-
-def _close(a: float | None, b: float | None) -> bool:
-    """Whether two values lie together and far from zero."""
-    return a is not None and b is not None and abs(b - a) < NEARBY * max(abs(a), abs(b))
-
-
-def _check_rows(system: System) -> None:
-    """Raise ValueError for a constraint row that contains no coordinate."""
-    rows, _ = system.pointwise("constraint_jacobian").sparsity(0)
-    count = np.bincount(rows, minlength=system.m)
-    if not count.all():
-        raise ValueError(
-            "expected constraints that each restrict the coordinates, found that row "
-            f"{np.argmin(count)} does not depend on any of them; remove it, or correct it"
-        )
-
-
-def _check_on_surface(problem: Problem) -> None:
-    """Raise ValueError if a constraint that an event alone decides is not satisfied there."""
-    system = problem.system
-    between = {f"event {k} of through": e for k, e in enumerate(problem.through)}
-    events = {"the start event": problem.start, **between, "the end event": problem.end}
-    q = np.array([[0.0 if x is None else x for x in e.q] for e in events.values()])
-    t = np.array([[e.t or 0.0] for e in events.values()])
-    jacobian = system.pointwise("constraint_jacobian")
-    G, f = jacobian(q, t, problem.packed)
-    G = np.abs(G)
-    rows, cols = jacobian.sparsity(0)
-    # What f changes by when the coordinates and the time change by their own size: |f| alone has
-    # no scale.
-    scales = np.zeros(f.shape)
-    for k in range(len(events)):
-        np.add.at(scales[k], rows, G[k] * problem.scales[cols])
-    if system.structure.depends_on_time:
-        rate = system.pointwise("constraint_rate")(q, t, problem.packed)[0]
-        scales += np.abs(rate) * (np.abs(t) if problem.free_time else problem.duration)
-    off = ~(np.abs(f) <= SURFACE_TOLERANCE * np.maximum(scales, np.finfo(float).tiny))
-    for k, (role, event) in enumerate(events.items()):
-        free = np.array([x is None for x in event.q])
-        off[k, rows[free[cols]]] = False  # decided along the path
-        if event.t is None and system.structure.depends_on_time:
-            off[k] = False  # when that is, too
-        for i in np.flatnonzero(off[k]):
-            raise ValueError(
-                f"expected {role} on the constraint surface, found constraint row "
-                f"{i} = {f[k, i]:.6g} at t = {event.t}, q = {event.q}; move the event, or "
-                "leave a coordinate free (None) for the constraint to decide"
-            )

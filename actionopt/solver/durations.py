@@ -11,7 +11,8 @@ import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.mechanics.problem import Problem, diagonal
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import diagonal
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.iterate import ROUNDED
 from actionopt.tools.types import Array

@@ -23,7 +23,8 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import Followed
 from actionopt.discrete.resolution import Resolution, resolution
 from actionopt.mechanics.laws import Structure
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.tools.types import Array
 
 # Ad hoc, in parts of the time: elements that only singularities need, and that they need first.

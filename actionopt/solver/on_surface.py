@@ -15,7 +15,8 @@ from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem, diagonal
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.scales import diagonal
 from actionopt.solver.arrivals import arrivals, meeting_speed
 from actionopt.solver.between import solve_on_the_way
 from actionopt.solver.durations import times_along

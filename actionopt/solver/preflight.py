@@ -10,7 +10,7 @@ import numpy as np
 
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.lengths import is_length
-from actionopt.mechanics.problem import first_state
+from actionopt.mechanics.scales import first_state
 from actionopt.mechanics.system import System
 from actionopt.tools.types import RANK, Array
 

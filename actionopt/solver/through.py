@@ -29,7 +29,8 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.course import sides
 from actionopt.mechanics.events import Bounce, Event
-from actionopt.mechanics.problem import Problem, diagonal, first_state
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import diagonal, first_state
 from actionopt.mechanics.system import SWITCHES
 from actionopt.solver.arguments import Guess
 from actionopt.solver.closed import begin_on_surface

@@ -16,7 +16,7 @@ import numpy as np
 from actionopt.discrete.newton import CHORDS, CONTRACTION, ROUNDOFF_STEP
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Factored, Samples, Stack, StackShape
-from actionopt.mechanics.problem import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
+from actionopt.mechanics.scales import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
 from actionopt.solver.iterate import (
     DRIFT_SAFETY,
     ORDINARY,

@@ -1,0 +1,167 @@
+"""Whether events, times and laws fit together: what a problem refuses, and why."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from actionopt.mechanics.identity import general_points
+from actionopt.mechanics.surface import SURFACE_TOLERANCE
+from actionopt.mechanics.system import System
+from actionopt.tools.checks import number
+
+
+def check_free_time(problem: Any) -> None:
+    """Raise ValueError where a free time or an energy does not fit the problem."""
+    system = problem.system
+    structure = system.structure
+    if not problem.free_time:
+        raise ValueError(
+            f"expected an energy where the time of an event is free, found energy = "
+            f"{problem.energy} and both times given; make one of them None"
+        )
+    if np.inf in (abs(e.t or 0.0) for e in (problem.start, problem.end)):
+        raise ValueError(
+            "expected a finite time beside one that is free, found an infinite one: the duration "
+            "is then infinite; give both events their times"
+        )
+    energy = 0.0 if problem.energy is None else number(problem.energy, "the energy")
+    object.__setattr__(problem, "energy", energy)
+    if structure.forced:
+        raise ValueError(
+            "expected a system without non-conservative forces where a time is free: with them "
+            "no action is stationary in the time; give both times"
+        )
+    closes = problem.end.advance is not None
+    if closes and (problem.start.t is None or structure.depends_on_time):
+        raise ValueError(
+            "expected a closed path of a system without a clock, begun at a given time, where the "
+            "period is to be found; give it, a multiple of that of the clock"
+        )
+    if problem.start.t is None and problem.end.t is None and structure.depends_on_time:
+        raise ValueError(
+            "expected one time that is given, where L depends on the time, found both free"
+        )
+    if system.m and structure.depends_on_time:
+        _check_left_free(problem)
+
+
+def _check_left_free(problem: Any) -> None:
+    """Raise ValueError for a constraint that moves, and that an event of unknown time decides."""
+    system = problem.system
+    rows, columns = system.pointwise("constraint_jacobian").sparsity(0)
+    moving, _ = ca.jacobian_sparsity(system.f, system.symbols.t).get_triplet()
+    for role, event in (("start", problem.start), ("end", problem.end)):
+        given = np.isin(columns, event.pinned)
+        for i in moving:
+            if event.t is None and given[rows == i].all():
+                raise ValueError(
+                    f"expected a coordinate that is free at the {role}, for constraint row {i}, "
+                    "which moves in time, to decide, found all of them given: they tell the time "
+                    "at which they satisfy it; give that, or leave a coordinate free (None)"
+                )
+
+
+def check_alike(problem: Any) -> None:
+    """Raise ValueError if L tells the coordinates apart that take each other's place.
+
+    L(P q + a, P v, t + T) = L(q, v, t) at points in general position.
+    """
+    system, order, advance = problem.system, list(problem.order), problem.advance
+    assert advance is not None
+    if system.m or system.structure.forced:
+        raise ValueError(
+            "expected a system without constraints and non-conservative forces where a path closes "
+            "in another order, found one with; give the whole period, without relabel="
+        )
+    n, width = system.n, system.n * system.order
+    q, v, t = np.split(general_points(width + n + 1), [width, width + n], axis=1)
+    q, v = q * np.tile(problem.scales, system.order), v * problem.scales
+    first = system.pointwise("first")
+    later, moved = t if problem.free_time else t + problem.duration, q[:, problem.closed_places]
+    moved[:, :n] += advance
+    with np.errstate(all="ignore"):
+        L = first(q, v, t, problem.packed)[2][:, 0].copy()
+        there = first(moved, v[:, order], later, problem.packed)[2][:, 0]
+        off = np.abs(there - L) > SURFACE_TOLERANCE * (np.abs(L) + np.abs(there))
+    if off.any():
+        k = int(np.argmax(off))
+        names = [system.coordinates[i] for i in order]
+        raise ValueError(
+            "expected an order of the coordinates that leaves L as it is, L(P q, P v) = L(q, v), "
+            f"found that {names} does not: at one point L is {L[k]:.6g}, and {there[k]:.6g} in "
+            "that order; bodies that take each other's place have equal masses and charges"
+        )
+
+
+def check_surfaces(problem: Any) -> None:
+    """Raise ValueError where what an event lies on does not fit the rest of the question."""
+    ends = problem.start, problem.end
+    both = problem.free_time and problem.start.t is None and problem.end.t is None
+    for role, event in (("start", ends[0]), ("end", ends[1])):
+        on, free = event.on, [i for i, x in enumerate(event.q) if x is None]
+        if on is None:
+            continue
+        if on.count > len(free):
+            raise ValueError(
+                f"expected on at the {role} to return at most as many expressions as it has free "
+                f"coordinates, {len(free)}, found {on.count}; leave more coordinates free (None)"
+            )
+        rows, columns = on.law.jac_sparsity(0, 0).get_triplet()
+        decides = {i for i, j in zip(rows, columns, strict=True) if j in free}
+        for i in set(range(on.count)) - decides:
+            raise ValueError(
+                f"expected each expression of on at the {role} to contain a coordinate that is "
+                f"free there, found that number {i} contains none; a time is given as t"
+            )
+        if both and on.depends_on_time:
+            raise ValueError(
+                f"expected one time that is given, where on at the {role} depends on the time, "
+                "found both free"
+            )
+
+
+def check_constraint_rows(system: System) -> None:
+    """Raise ValueError for a constraint row that contains no coordinate."""
+    rows, _ = system.pointwise("constraint_jacobian").sparsity(0)
+    count = np.bincount(rows, minlength=system.m)
+    if not count.all():
+        raise ValueError(
+            "expected constraints that each restrict the coordinates, found that row "
+            f"{np.argmin(count)} does not depend on any of them; remove it, or correct it"
+        )
+
+
+def check_on_surface(problem: Any) -> None:
+    """Raise ValueError if a constraint that an event alone decides is not satisfied there."""
+    system = problem.system
+    between = {f"event {k} of through": e for k, e in enumerate(problem.through)}
+    events = {"the start event": problem.start, **between, "the end event": problem.end}
+    q = np.array([[0.0 if x is None else x for x in e.q] for e in events.values()])
+    t = np.array([[e.t or 0.0] for e in events.values()])
+    jacobian = system.pointwise("constraint_jacobian")
+    G, f = jacobian(q, t, problem.packed)
+    G = np.abs(G)
+    rows, cols = jacobian.sparsity(0)
+    # What f changes by when the coordinates and the time change by their own size: |f| alone has
+    # no scale.
+    scales = np.zeros(f.shape)
+    for k in range(len(events)):
+        np.add.at(scales[k], rows, G[k] * problem.scales[cols])
+    if system.structure.depends_on_time:
+        rate = system.pointwise("constraint_rate")(q, t, problem.packed)[0]
+        scales += np.abs(rate) * (np.abs(t) if problem.free_time else problem.duration)
+    off = ~(np.abs(f) <= SURFACE_TOLERANCE * np.maximum(scales, np.finfo(float).tiny))
+    for k, (role, event) in enumerate(events.items()):
+        free = np.array([x is None for x in event.q])
+        off[k, rows[free[cols]]] = False  # decided along the path
+        if event.t is None and system.structure.depends_on_time:
+            off[k] = False  # when that is, too
+        for i in np.flatnonzero(off[k]):
+            raise ValueError(
+                f"expected {role} on the constraint surface, found constraint row "
+                f"{i} = {f[k, i]:.6g} at t = {event.t}, q = {event.q}; move the event, or "
+                "leave a coordinate free (None) for the constraint to decide"
+            )
