@@ -594,6 +594,26 @@ def test_an_exercise_takes_a_number_before_it_answers(gallery, chromium):
         assert chromium.run(f"{answer}.hidden") == (mark == "unread")
 
 
+def test_arrows_at_handles_are_slopes_of_the_action(gallery, chromium):
+    chromium.open(gallery / "course" / "local.html", still=True)
+    seen = "(d => [d.slopes, d.action])(document.querySelector('.live').dataset)"
+    slopes, before = chromium.run(seen)
+    slopes = [float(x) for x in slopes.split()]
+    assert len(slopes) == 7  # the ends are held
+    live = "document.querySelector('.live').live"
+    place = f"(A => A.shares.indexOf(0.5) * 2 + 1)({live}.A)"  # y of the middle
+    at = chromium.run(f"{live}.trial()[{place}]")
+    chromium.run("document.querySelector('.live .handle[data-handle=\"4\"]').focus()")
+    chromium.key("ArrowUp")
+    by = chromium.run(f"{live}.trial()[{place}]") - at
+    after = float(chromium.run(seen)[1])
+    # S is a parabola in y, whose second derivative is a few m / T: the first order counts here.
+    assert (after - float(before)) / by == pytest.approx(-slopes[3], rel=0.25)
+    chromium.run("document.querySelector('.live [data-do=solve]').click()")
+    assert max(float(x) for x in chromium.run(seen)[0].split()) < 1e-9 * max(slopes)
+    assert chromium.errors == []
+
+
 def test_an_address_brings_back_the_path_and_what_was_typed(gallery, chromium):
     file = gallery / "course" / "minus.html"
     chromium.open(file, still=True)

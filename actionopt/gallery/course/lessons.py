@@ -197,6 +197,9 @@ LOCAL = Lesson(
         "path could be checked piece by piece?",
     ),
     attempt=(
+        "The arrow at each handle is the slope of S with that handle alone: it shows which way S "
+        "falls. Pull each one along its arrow until the arrow is gone, and go round once more: "
+        "where all of them are gone, the path is the motion.",
         "Press Solve, drag one handle, and look at the missing force: where is it not zero? Only "
         "near the handle that you moved.",
     ),
@@ -214,7 +217,7 @@ LOCAL = Lesson(
     "disguise.",
     scenes=("pendulum", "projectile"),
     explorer="projectile",
-    parts=("missing",),
+    parts=("missing", "slopes"),
     exercises=(
         Exercise(
             "A ball is at 0 m, and 0.1 s later at 0.5 m. Where is it after another 0.1 s?",

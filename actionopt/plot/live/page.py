@@ -140,7 +140,8 @@ def figure(
     `name` tells it from others on a page; `shown` is whether the motion is seen from the start,
     and with `arrows` the sum over paths is all that is. `measure` is what its S stands for, if that
     is no action. `parts` are the buttons (bend, wave, half, hunt) and panels (lagrangian, missing,
-    picture) that are not folded away. Raises ValueError as `data` does.
+    picture, parameters) that are not folded away, and slopes, how S falls with each handle. Raises
+    ValueError as `data` does.
     """
     found: dict[str, Any] = {"name": name or problem.name, **data(problem, solution, units)}
     found["words"] = spoken()

@@ -14,6 +14,7 @@
   const NONE = 1e-6; // of a force: what is missing where nothing is
   const PARTS = 64; // of a change of a parameter that Newton's method does not follow at once
   const PROMPT = 600; // unknowns of a path whose conjugate times take no second
+  const ARROW = 46, LEAST_ARROW = 3; // pixels of the longest slope at a handle; of one that is seen
   const DIGITS = 5, HIDDEN = 1e-7; // of the range of S that are shown; of it or of S, what its differences lose
   const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
   const still = matchMedia("(prefers-reduced-motion: reduce)");
@@ -432,6 +433,7 @@
         [0, A.count - 1].forEach((k, end) => { const [a, b] = spot(trial, k, pair); put(ends[end], { cx: pathPanel.X(a), cy: pathPanel.Y(b), r: 5.5 }); });
       });
       handles.forEach((it) => it.place());
+      if (wanted.includes("slopes")) slopesAtHandles();
       // S along the bend
       let slopes = null, bare = false;
       if (alphaPanel) {
@@ -527,6 +529,22 @@
       show();
       keep();
       Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()), known: motion.known, last, range: extent });
+    }
+
+    // How S falls with each handle: an arrow the way that it is to be pulled, of a length as the slope
+    // is to the steepest one that was met.
+    let steepest = 0;
+    function slopesAtHandles() {
+      const g = A.gradient(trial), falls = handles.map(({ pair, j }) => pair.map((i) => (i === null || !free(j, i) ? 0
+        : -A.shares.reduce((sum, s, k) => sum + g[k * n + i] * bump(j, s * spans), 0) / bump(j, j))));
+      if (held === null) steepest = Math.max(steepest, ...falls.map(([a, b]) => Math.hypot(a, b)));
+      figure.dataset.slopes = falls.map(([a, b]) => Math.hypot(a, b).toPrecision(4)).join(" ");
+      handles.forEach((it, k) => {
+        const [x, y] = falls[k].map((f) => (steepest ? (ARROW * f) / steepest : 0)), long = Math.hypot(x, y), way = Math.atan2(-y, x);
+        if (!it.arrow) it.group.prepend((it.arrow = element(it.group, "path", "pull"))); // below the knob
+        const tip = (by) => `M${x},${-y}L${x - 7 * Math.cos(way + by)},${-y - 7 * Math.sin(way + by)}`;
+        it.arrow.setAttribute("d", long > LEAST_ARROW ? `M0,0L${x},${-y}${tip(0.5)}${tip(-0.5)}` : "");
+      });
     }
 
     // -- the picture, and a mark of its time on the path and on L
