@@ -581,6 +581,18 @@ SMALL = """(() => {
 })()"""
 
 
+def test_the_index_is_searched_and_told_by_tags(gallery, chromium):
+    chromium.open(gallery / "index.html", still=True)
+    seen = "[...document.querySelectorAll('.card')].filter(c => c.offsetParent).length"
+    field = "document.querySelector('.finder input')"
+    assert chromium.run(seen) == len(NAMES)
+    for typed, count in (("rod", 1), ("pendulum RoD", 1), ("stone falls", 1), ("nowhere", 0)):
+        chromium.run(f"{field}.value = '{typed}'; {field}.dispatchEvent(new Event('input'))")
+        assert chromium.run(seen) == count, typed
+    assert chromium.run("document.querySelector('.finder [role=status]').textContent")
+    assert chromium.errors == []
+
+
 def test_an_exercise_takes_a_number_before_it_answers(gallery, chromium):
     chromium.open(gallery / "course" / "hunt.html", still=True)
     form = "document.querySelector('form.guess')"

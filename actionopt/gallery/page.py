@@ -118,9 +118,11 @@ def _mathematics(text: str) -> str:
 
 
 def _spoken(cell: str) -> str:
-    """Return what a heading is called that is a formula alone."""
+    """Return a heading with its name in words where it is a formula alone."""
     alone = re.fullmatch(r'<math[^>]*alttext="([^"]*)".*</math>', cell, re.DOTALL)
-    return f' aria-label="{alone[1]}"' if alone else ""
+    if alone is None:
+        return cell
+    return f'<span class="spoken">{alone[1]}</span><span aria-hidden="true">{cell}</span>'
 
 
 def table(
@@ -130,7 +132,7 @@ def table(
     first, *others = head
     top = f"<td>{first}</td>" + "".join(f'<th scope="col">{cell}</th>' for cell in others)
     body = "\n".join(
-        f'<tr><th scope="row"{_spoken(first)}>{first}</th>'
+        f'<tr><th scope="row">{_spoken(first)}</th>'
         + "".join(f'<td data-of="{name}">{c}</td>' for name, c in zip(head[1:], cells, strict=True))
         + "</tr>"
         for first, *cells in rows
