@@ -61,7 +61,9 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # the path's size, the greater one: what may be inside of the obstacle where such parts come and go.
 VANISHING = 1e-10, 1e-5
 SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that need not be taken
-STALLED_TIME = 1e-6  # of the duration: steps that stop contracting below this are round-off
+# Of the duration: steps that stop contracting below this are round-off if two do. One may correct
+# what the last step left of the path, and be as long: of 72 walls of 1:100 that lost 14.
+STALLED_TIME = 1e-6
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
 KINKED = (
@@ -275,7 +277,7 @@ class Along(Workspace[Iterate]):
 
     def _join(self, force: Array | float = 0.0) -> bool:
         """Move path and times of contact to where it is tangential; False if that fails."""
-        last = np.inf
+        last, stalled = np.inf, False
         for _ in range(JOINS):
             times = self.contact_problem.contact_times
             if not times.size:
@@ -290,7 +292,8 @@ class Along(Workspace[Iterate]):
             size = max(size, here.equations.relative_step(move))
             if not size < RUNAWAY_STEP:
                 return False
-            if last < STALLED_TIME and size > last / 2:
+            before, stalled = stalled, last < STALLED_TIME and size > last / 2
+            if before and stalled:
                 return True
             part = self._within(times, step)
             self._shift(times, part * step)
