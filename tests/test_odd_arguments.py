@@ -39,7 +39,10 @@ ANSWERS = {
         "suite.Model",
     ),
     *(f"plot.{name}" for name in plot.__all__ if name[0].isupper()),
-} - {f"ao.{name}" for name in ("Event", "Mesh", "Path", "Periodic", "Problem", "State", "System")}
+} - {
+    f"ao.{name}"
+    for name in ("Bounce", "Event", "Mesh", "Path", "Periodic", "Problem", "State", "System")
+}
 # What Python says of arguments that are missing, too many, unknown, or no place in a sequence.
 UNFIT = re.compile(
     r"\(\) (takes|missing|got)|^(too many|missing a|got an unexpected)|"
@@ -56,6 +59,9 @@ line = ao.Path.interpolate(lambda t: t[None], mesh)
 cubic = CubicSpline([0.0, 0.5, 1.0], [0.0, 0.2, 1.0])
 x, rate, clock = sympy.symbols("x rate clock")
 runs = ao.sweep(problem, {"t1": [0.9, 1.0]})
+bent = ao.System(lambda q, v, a, t: a @ a / 2, ["x"])
+spline = ao.solve(ao.Problem(bent, *(problem.start, problem.end), through=[ao.Event(None, [0.3])]))
+passed = ao.solve(ao.Problem(free, problem.start, problem.end, through=[ao.Event(0.5, [0.1])]))
 
 
 def draw(q, t):
@@ -65,14 +71,17 @@ def draw(q, t):
 def calls(folder):
     """Return for each public callable positional and named arguments that fit."""
     return {
-        "ao.Event": ((0.0, [0.0]), {"on": None}),
+        "ao.Bounce": ((lambda q, t: q[0],), {"t": None, "q": None}),
+        "ao.Event": ((0.0, [0.0]), {"on": None, "v": None}),
         "ao.Mesh": (([0.0, 1.0], 4), {}),
         "ao.Path": ((mesh, line.values), {"velocities": line.values}),
         "ao.Periodic": ((1.0, [0.0]), {"relabel": [0]}),
-        "ao.Problem": ((free, problem.start, problem.end), {"parameters": {}, "energy": None}),
+        "ao.Problem": ((free, problem.start, problem.end), {"parameters": {}, "energy": None,
+            "through": [], "integral": None}),
         "ao.State": ((0.0, [0.0], [1.0]), {}),
         "ao.System": ((lambda q, v, t, *, k=1.0: v @ v / 2, ["x"]),
-            {"parameters": {}, "constraint": None, "force": None, "obstacle": None, "name": ""}),
+            {"parameters": {}, "constraint": None, "force": None, "obstacle": None, "name": "",
+            "integral": None}),
         "ao.conjugate_points": ((solution,), {}),
         "ao.contact_loss": ((solution,), {}),
         "ao.find_symmetries": ((free,), {"parameters": {}}),
@@ -272,7 +281,7 @@ def method_calls(folder):
         "System.dynamics_function": ((), {}),
         "System.from_sympy": ((rate**2 / 2 - x**2, [x], [rate], clock), {"parameters": {},
             "constraint": None, "force": None, "obstacle": None, "name": ""}),
-        "System.geodesic": ((lambda q, v, t: (v @ v) ** 0.5, ["x"]),
+        "System.geodesic": ((lambda q, v: (v @ v) ** 0.5, ["x"]),
             {"parameters": {}, "constraint": None, "obstacle": None, "name": ""}),
         "System.to_sympy": ((), {}),
         "System.velocity": (([0.5], [1.0], 0.5, [1.0]), values),
@@ -289,6 +298,7 @@ ODD = [
     *(np.zeros(0), np.zeros((2, 3, 4)), np.array("x"), [np.nan], [1.0, 2.0], range(3), object()),
     *(int, print, lambda: 0, lambda *a: None, lambda q, v, t: "x", lambda t: t),
     *(free, problem, problem.start, ao.Periodic(1.0), solution, mesh, line, runs),
+    *(ao.Bounce(lambda q, t: q[0]), bent, spline, passed),
     *(ao.Event(0.0, [1.0, 2.0]), ao.Path.interpolate(lambda t: np.stack([t, t]), mesh)),
 ]
 
@@ -431,3 +441,49 @@ def test_odd_arguments_of_methods(tmp_path, capsys):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_many_odd_arguments_of_methods(tmp_path, seed, capsys):
     assert not odd_methods(tmp_path, seed, 100)
+
+
+def questions():
+    """Return problems of other kinds, by what is special of them."""
+    fall = ao.System(lambda q, v, t: v @ v / 2 - 9.81 * q[1], ["x", "y"])
+    start, end = ao.Event(0.0, [0.0, 1.0]), ao.Event(1.0, [1.0, 1.0])
+    floor = ao.Bounce(lambda q, t: q[1])
+    rope = {"lagrangian": lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), "coordinates": ["y"]}
+    rope = ao.System(**rope, integral=lambda q, v, t: np.sqrt(1 + v[0] ** 2))
+    on = ao.Event(1.0, None, on=lambda q, t: q[0] ** 2 + q[1] ** 2 - 4)
+    return {
+        "accelerations": ao.Problem(bent, problem.start, problem.end),
+        "gates": ao.Problem(bent, problem.start, problem.end, through=[ao.Event(None, [0.3])]),
+        "bounce": ao.Problem(fall, start, end, through=[floor]),
+        "integral": ao.Problem(rope, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.2]), integral=1.5),
+        "surface": ao.Problem(fall, start, on),
+        "energy": ao.Problem(free, problem.start, ao.Event(None, [0.5]), energy=1.0),
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", questions())
+def test_callables_take_questions_of_all_kinds_or_say_why_not(fitting, tmp_path, kind, capsys):
+    asked = questions()[kind]
+    answer = ao.solve(asked)
+    by = {id(solution): answer, id(problem): asked, id(free): asked.system}
+    found = {}
+    for name, (given, _) in fitting.items():
+        changed = [by.get(id(x), x) for x in given]
+        if any(a is not b for a, b in zip(changed, given, strict=True)):
+            found[name] = finding(function(name), changed, {})
+    fit = method_calls(tmp_path)
+    for own in (answer, asked, asked.system, answer.path):
+        for method in methods_of(own):
+            name = f"{type(own).__name__}.{method}"
+            found[name] = finding(getattr(own, method), fit[name][0], {})
+    assert not {name: wrong for name, wrong in found.items() if wrong}
+
+
+def test_derivatives_are_known_where_only_one_leg_is_asked():
+    exact = spline.parts[0].discrete.path(0.1)
+    assert spline.derivatives(0.1)[0] == pytest.approx(exact)
+    with pytest.raises(ValueError, match="accelerations"):
+        ao.monodromy(spline)
+    with pytest.raises(ValueError, match="trial paths are moved by their places"):
+        plot.explore(spline.problem)

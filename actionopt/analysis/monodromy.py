@@ -131,6 +131,11 @@ def monodromy(solution: Solution) -> Monodromy:
             "expected a path that touches no obstacle, found one that does: its neighbours are "
             "carried along it by other forces; give the free parts, each as a problem of its own"
         )
+    if problem.through and system.order > 1:
+        raise ValueError(
+            "expected a path without events between its ends, or a Lagrangian without "
+            "accelerations, found both: how its neighbours pass the events is not known here"
+        )
     if problem.through:
         return _through(solution)
     check_whole(problem, "the motion of neighbours")

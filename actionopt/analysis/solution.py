@@ -388,9 +388,10 @@ class Solution:
         flat, parts = times.ravel(), self.parts
         begins = np.array([part.mesh.boundaries[0] for part in parts[1:]])
         leg = np.searchsorted(begins, flat, side="right")
-        each = [curve(part.discrete)(flat[leg == k]) for k, part in enumerate(parts)]
+        used = np.unique(leg) if flat.size else np.zeros(1, dtype=int)
+        each = [curve(parts[k].discrete)(flat[leg == k]) for k in used]
         found = np.empty((len(each[0]), flat.size))
-        for k, values in enumerate(each):
+        for k, values in zip(used, each, strict=True):
             found[:, leg == k] = values
         return found.reshape(len(found), *times.shape)
 

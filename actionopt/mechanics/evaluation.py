@@ -139,7 +139,14 @@ class NumericLaws(Laws):
             for _ in range(NEWTON_STEPS):
                 M = self.mass_matrix(q, v, t, parameters=parameters)
                 K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
-                step = np.linalg.solve(K, miss)[:n]
+                try:
+                    step = np.linalg.solve(K, miss)[:n]
+                except np.linalg.LinAlgError:
+                    raise ValueError(
+                        f"expected a mass matrix that can be inverted, found {M.tolist()} at "
+                        f"q = {q}, t = {t}, v = {v}; no velocity near it may have the momentum "
+                        f"{target}: try another guess"
+                    ) from None
                 size = float(np.max(np.abs(step)))
                 if not np.isfinite(size):
                     raise ValueError(

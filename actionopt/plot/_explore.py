@@ -92,6 +92,16 @@ def explore(
         with language(spoken):
             return whole(question, guess=guess, units=units)
 
+    if problem.system.order > 1:
+        raise ValueError(
+            "expected a Lagrangian without accelerations, found one with: trial paths are moved by "
+            "their places alone; show a solution with `plot.paths`"
+        )
+    if any(event.t is None for event in problem.through):
+        raise ValueError(
+            "expected events at given times, found one whose time is to be found; explore "
+            "`solution.problem`, in which it is"
+        )
     first = begin(problem, guess)
     try:
         return Explorer(first, units, page)

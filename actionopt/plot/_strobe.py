@@ -109,7 +109,7 @@ def stage(data: Motion, strip: Array | float = 0.0) -> Array:
     across, down = np.broadcast_to(strip, 2)
     left, right, bottom, top = data.box
     right, bottom = right + across, bottom + down
-    margin = VIEW_MARGIN * float(np.hypot(right - left, top - bottom))
+    margin = VIEW_MARGIN * (float(np.hypot(right - left, top - bottom)) or 1.0)  # one of a point
     spare = max(0.0, NARROWEST_VIEW * (top - bottom) - (right - left)) / 2
     left, right = left - spare - margin, right + spare + margin
     return np.array([left, right, bottom - 3 * margin, top + margin])
