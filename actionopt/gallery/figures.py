@@ -51,7 +51,8 @@ class Figure:
         return (
             f'<picture>{cut if self.narrow else ""}<img src="{folder}{self.name}.svg" '
             f'alt="{escape(self.alt)}" width="{width}" height="{height}" loading="lazy"></picture>'
-            f"\n<figcaption>{self.caption}</figcaption></figure>"
+            + f"\n<figcaption>{self.caption}</figcaption>" * bool(self.caption)
+            + "</figure>"
         )
 
     def files(self, folder: str) -> dict[str, str]:
