@@ -108,7 +108,7 @@ def _continue(
 def first_guessed(problem: Problem, path: Path, times: Array) -> Iterator[tuple[Path, Array]]:
     """Yield a guess, and where a continuation leads from the path near it without integrals."""
     yield path, times
-    lengths, none = problem.found_at(times).lengths, np.zeros(len(problem.integral or ()))
+    lengths, none = problem.found_at(times).lengths, np.zeros(np.size(problem.integral or ()))
     path = path.on(with_degrees(path.mesh, problem.system.order))
     whole = Bordered.around(problem, path, None, lengths, times=times, kappa=none)
     equations, y = whole[0].without_integrals(whole[1])
