@@ -433,13 +433,15 @@ def odd_methods(folder, seed, most):
     return {name: wrong for name, wrong in found.items() if wrong}
 
 
-def test_odd_arguments_of_methods(tmp_path, capsys):
+def test_odd_arguments_of_methods(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some odd arguments are names of files
     assert not odd_methods(tmp_path, 0, 4)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_many_odd_arguments_of_methods(tmp_path, seed, capsys):
+def test_many_odd_arguments_of_methods(tmp_path, seed, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     assert not odd_methods(tmp_path, seed, 100)
 
 
