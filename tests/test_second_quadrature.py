@@ -161,3 +161,48 @@ def test_under_a_constraint_a_motion_is_followed_along_it():
     assert np.sum(v * along, axis=2)[0] == pytest.approx(gained, abs=turn**2 * kick / m)
     assert np.abs(np.sum(v * across, axis=2)).max() < turn * kick / m
     assert np.abs(np.sum(q * along, axis=2)[0, [0, -1]]).max() < 1e-4
+
+
+ALONE = {
+    "oscillating": (lambda t: np.cos(300 * t), math.sin(300) / 300),
+    "narrow": (lambda t: 1 / (1 + 1e4 * (t - 0.45) ** 2), (math.atan(55) + math.atan(45)) / 100),
+}
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_terms_of_the_time_alone_count_in_the_action(name):
+    """No equation tells of them: S of a free fall, 47/24, and their integral."""
+    f, integral = ALONE[name]
+    solution = ao.solve(line(lambda q, v, t: v @ v / 2 + f(t) + q[0], 1.0, 2.0), tol=1e-9)
+    assert solution.action == pytest.approx(47 / 24 + integral, rel=1e-9)
+
+
+def test_terms_of_the_time_alone_count_in_the_actions_of_a_family():
+    def lagrangian(q, v, t, *, w):
+        return v @ v / 2 + np.cos(w * t) / 2 + q[0]
+
+    system = ao.System(lagrangian, ["x"], parameters={"w": 1.0})
+    problem = ao.Problem(system, ao.Event(0.0, [1.0]), ao.Event(1.0, [2.0]))
+    speeds = np.array([1.0, 50.0, 300.0])
+    found = ao.sweep(problem, {"w": speeds}, tol=1e-9)
+    np.testing.assert_allclose(found.action, 47 / 24 + np.sin(speeds) / (2 * speeds), rtol=1e-9)
+
+
+def test_a_term_of_the_time_alone_whose_integral_is_infinite_is_not_solved():
+    fall = line(lambda q, v, t: v @ v / 2 + 1 / (t - 0.45) ** 2 + q[0], 1.0, 2.0)
+    assert not ao.solve(fall, throw=False).success
+
+
+def test_terms_of_the_time_alone_are_told_from_others():
+    t_alone = [
+        lambda q, v, t, *, w: v @ v / 2 + np.cos(w * t),
+        lambda q, v, t, *, w: 2 * (v @ v - (t**2 - q[0]) / w),
+    ]
+    none = [
+        lambda q, v, t, *, w: v @ v / 2 + np.cos(w * t + q[0]),
+        lambda q, v, t, *, w: (v @ v / 2 + w - q[0]) * np.exp(-t),
+    ]
+    for expected, group in ((True, t_alone), (False, none)):
+        for lagrangian in group:
+            system = ao.System(lagrangian, ["x"], parameters={"w": 1.0})
+            assert system.structure.adds_time is expected

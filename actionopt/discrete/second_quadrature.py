@@ -113,7 +113,7 @@ def quadrature_defect(
 
 
 def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
-    """Return the largest part of `quadrature_defect` that is each element's, (N,)."""
+    """Return the largest part of `quadrature_defect` or `missed_action` on each element, (N,)."""
     unit = tr.lengths / tr.action_unit
     here: dict[int, Array] = {}
     for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
@@ -122,7 +122,27 @@ def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
     for b, values in _values(tr, x, batches):
         for e, work in zip(b.elements.tolist(), _work(tr, b, *values), strict=True):
             shares[e] = np.abs((work - here[e]) * unit).max()
-    return shares
+    return np.maximum(shares, missed_action(tr, batches, x))
+
+
+def missed_action(tr: Action, batches: list[Batch], x: Array) -> Array:
+    """Return by how much another quadrature changes S on each element, (N,), over that of |L|.
+
+    What L contains of the time alone moves no path, and only its integral tells how it varies. Zero
+    where nothing depends on the time.
+    """
+    missed, structure = np.zeros(tr.mesh.elements), tr.problem.system.structure
+    if not (structure.adds_time and structure.samples):
+        return missed
+    own, other, first = tr.first(x)[2][:, 0], values(tr, x, batches)[4], 0
+    for g, half in zip(tr.layout.groups, tr.halves, strict=True):
+        missed[g.elements] = own[g.span].reshape(half.size, -1) @ g.rule.weights * half.ravel()
+    for b in batches:
+        part = slice(first, first + b.elements.size * b.rule.nodes.size)
+        missed[b.elements] -= other[part].reshape(b.half.size, -1) @ b.rule.weights * b.half.ravel()
+        first = part.stop
+    whole = float(tr.weight[:, 0] @ np.abs(own))
+    return np.abs(missed) / (whole or 1.0)
 
 
 def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:

@@ -321,6 +321,19 @@ class Stack:
             found[:, :, which] += work + _work(rule.weighted_slopes, momentum)
         return found
 
+    def missed_action(self, Q: Array, samples: list[Samples]) -> Array:
+        """Return by how much another quadrature changes S, (C,): `second_quadrature` has it."""
+        s, structure = self.shape, self.shape.system.structure
+        if not (structure.adds_time and structure.samples):
+            return np.zeros(len(self.times))
+        L = self._evaluate("value", Q, self.velocities(Q), self._at)[0][:, 0]
+        whole = (np.tensordot(s.rule.weights, np.abs(L), 1) * self.half).sum(axis=0)
+        missed = np.tensordot(s.rule.weights, L, 1) * self.half
+        for which, rule, half, q, v, at, _ in samples:
+            L = self._evaluate("value", q, v, at)[0]
+            missed[which] -= (rule.weights @ L.reshape(len(L), -1)).reshape(half.shape) * half
+        return np.abs(missed).sum(axis=0) / np.where(whole > 0, whole, 1.0)
+
     def imbalance(self, Q: Array, samples: list[Samples]) -> tuple[Array, Array]:
         """Return how far L changes along paths without a reason, (C,), infinite if not known.
 

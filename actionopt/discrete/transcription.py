@@ -91,6 +91,11 @@ class Transcription(Action):
             miss = np.concatenate([miss, np.zeros(self.layout.rows)])
         return miss, drift
 
+    def missed_action(self, z: Array) -> float:
+        """Return by how much another quadrature changes S, relative to that of |L|."""
+        x = z[: self.layout.unknowns]
+        return float(second_quadrature.missed_action(self, self.between_nodes, x).sum())
+
     def uneven(self, z: Array) -> Array:
         """Return how much of it is each element's, (N,)."""
         return second_quadrature.uneven(self, self.between_nodes, z[: self.layout.unknowns])

@@ -21,6 +21,7 @@ from actionopt.mechanics.pulses import PULSES, pulses
 from actionopt.mechanics.switches import (
     STEPPED,
     Switches,
+    adds_time,
     is_jumpless,
     is_smooth,
     is_smooth_in_path,
@@ -68,6 +69,7 @@ class Structure:
     """
 
     depends_on_time: bool
+    adds_time: bool  # a term of the time alone is added in L
     constant_mass: bool  # the mass matrix does not depend on q or v; so below: for smooth laws
     constant_coupling: bool  # nor does the mixed derivative of L
     constant_stiffness: bool  # nor does the second derivative of L in q
@@ -169,6 +171,7 @@ class Laws:
         unseen, tailed = narrow == 2 or (narrow and timed), narrow or timed
         return Structure(
             depends_on_time=timed,
+            adds_time=timed and adds_time(L),
             constant_mass=smooth and not moved[0],
             constant_coupling=smooth and not moved[1],
             constant_stiffness=smooth and not moved[2],

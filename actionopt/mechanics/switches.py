@@ -132,6 +132,25 @@ def is_smooth_in_path(law: Tape) -> bool:
     )
 
 
+def adds_time(lagrangian: Tape) -> bool:
+    """Return whether a term of the time alone is added in a law of (q, v, t, p).
+
+    It moves no path, and so no equation tells how fast it varies.
+    """
+
+    def parts_of(node, operands: list[tuple[bool, bool, bool]]) -> tuple[bool, bool, bool]:
+        """Whether it depends on the path, and on the time, and has such a term."""
+        if node.kind == "input":
+            return node.entry[0] < 2, node.entry[0] == 2, node.entry[0] == 2
+        path, time, alone = (any(x[k] for x in operands) for k in range(3))
+        factors = [x for x in operands if x[0] or x[1]]
+        scaled = node.operation in (ca.OP_MUL, ca.OP_DIV) and len(factors) == 1
+        kept = alone and (node.operation in SUMS or scaled)
+        return path, time, kept or (time and not path)
+
+    return any(lagrangian.fold(parts_of)[i][2] for i, *_ in lagrangian.results)
+
+
 def narrowness(law: Tape) -> int:
     """Return how narrow a feature a law of (q, v, t, p) can have: 0, 1 or 2.
 

@@ -140,6 +140,7 @@ def _round(
         omitted = ready.largest_omitted()
         missed, probed = ready.displacement(tol, omitted)
         off, drift = stack.imbalance(Q, ready.samples)
+        missed = np.maximum(missed, stack.missed_action(Q, ready.samples))
         values = {
             "converged": converged,
             "noise": noise,

@@ -465,10 +465,13 @@ class Workspace(Generic[Place]):
         return self.question, DiscretePath(self.here.tr, self.here.z)
 
     def quadrature_shift(self) -> float:
-        """Return how far the path would move if its forces were summed over other points."""
+        """Return how far the path would move if its forces were summed over other points.
+
+        Or by how much its action changes, if that is more.
+        """
         with self.record.clock("verify"):
             found, self.here = self.here.quadrature_shift(self.tol, self.many)
-        return found
+            return max(found, self.here.tr.missed_action(self.here.z))
 
     def find_imbalance(self) -> Jump | Imbalance | None:
         """Return where the balance of energy does not hold along the path; say so if L jumps."""
