@@ -44,7 +44,7 @@ def write(records: Records, folder: Path) -> Path:
     """Write `dials.html` and its figures on the last records of each cell; return the page."""
     rows = hard(records)
     body = DIAL_PAGE.format(
-        dials="\n".join(_dial(dial, records, folder) for dial in DIALS.values()),
+        dials="\n".join(filter(None, (_dial(dial, records, folder) for dial in DIALS.values()))),
         hard=table(["family", "Hessians", "verdict", "why"], rows),
         many=HARD_HESSIANS,
         count=len(rows),

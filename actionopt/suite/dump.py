@@ -40,9 +40,9 @@ def dump(
 ) -> Path:
     """Write each problem as FILE.nl, .row, .col, .mof.json and .py, and what is known as FILE.json.
 
-    Of models, there are no .mof.json and .py. And `manifest.json`, with each file's SHA-256, and
-    `known_optima.csv`. Numbers are written so that they read back to the last bit. Return the
-    manifest's path.
+    Of models there are no .mof.json and .py, and of those without derivatives no .nl. And
+    `manifest.json`, with each file's SHA-256, and `known_optima.csv`. Numbers are written so that
+    they read back to the last bit. Return the manifest's path.
 
     A problem without an optimum is left out, and `skipped(problem, error)` called; without that the
     error is raised.
@@ -61,7 +61,7 @@ def dump(
             skipped(problem, error)
             continue
         stem = file_name(problem)
-        made = nl.write(problem, folder / f"{stem}.nl")
+        made = nl.write(problem, folder / f"{stem}.nl") if problem.smooth else []
         if isinstance(problem, TestProblem):
             made.append(mof.write(problem, folder / f"{stem}.mof.json"))
             made.append(standalone.write(problem, folder / f"{stem}.py"))

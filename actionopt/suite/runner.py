@@ -126,7 +126,8 @@ def _numbers(cell: Cell) -> dict[str, Any]:
     problem = cell.make()
     start = cell.start or problem.default_start
     x0 = problem.start(start)
-    values = [problem.objective(x0), *problem.gradient(x0), *problem.constraints(x0), *x0]
+    slopes = problem.gradient(x0) if problem.smooth else []
+    values = [problem.objective(x0), *slopes, *problem.constraints(x0), *x0]
     said = " ".join(f"{value:.9g}" for value in (*values, *problem.unit))
     return {
         **problem.resolution,

@@ -37,6 +37,8 @@ class WrittenProgram(Program):
         Of the unknowns; "x[0]" ... by default.
     residuals : casadi.SX, optional
         Of a sum of squares, f = r'r / 2: (k, 1).
+    complements : sequence of (i, r), optional
+        Unknowns x_i >= 0 and rows c_r >= 0 of which one is zero; no function says so.
     """
 
     def __init__(
@@ -51,8 +53,10 @@ class WrittenProgram(Program):
         unit: float | Array = 1.0,
         names: Sequence[str] = (),
         residuals: ca.SX | None = None,
+        complements: Sequence[tuple[int, int]] = (),
     ) -> None:
         Program.__init__(self)
+        self.complements = tuple(complements)
         self.x, self.f, self.r = x, f, residuals
         self.c = ca.densify(c) if c is not None else ca.SX(0, 1)
         self._name, self._names = name, names
@@ -72,6 +76,7 @@ class WrittenProgram(Program):
             unit=self._unit,
             names=self._names,
             residuals=self.r,
+            complements=self.complements,
         )
 
     # -- what it is --------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.suite.member import Stationary
+from actionopt.suite.models.expressions import WrittenProgram
 from actionopt.suite.models.model import KnownAnswer, WrittenModel
 from actionopt.tools.types import Array
 
@@ -22,8 +23,20 @@ class Complementarity(WrittenModel):
     @property
     def pairs(self) -> list[tuple[int, int]]:
         """Which unknown x >= 0 and which row c >= 0: their product is a later row."""
-        half = self.m // 2
-        return [(1 + i, i) for i in range(half)]
+        return [(1 + i, i) for i in range(self.m // 2)]
+
+    def as_complementarity(self) -> WrittenProgram:
+        """Return the same with the pairs said as such, and without the rows of their products."""
+        half, (lower, upper) = self.m // 2, self.constraint_bounds
+        return WrittenProgram(
+            self.name,
+            self.x,
+            self.f,
+            self.c[:half],
+            bounds=self.bounds,
+            rows=(lower[:half], upper[:half]),
+            complements=self.pairs,
+        )
 
 
 def blocks_by_hand(

@@ -16,11 +16,13 @@ from actionopt.tools.types import Array
 def lines(problem: Program, x0: Array, longest: tuple[int, int] = (0, 0)) -> Iterator[str]:
     """Yield the text of the file in pieces that end with a line.
 
-    Where all rows are linear, they stand in the J segments, and their constants in the bounds.
+    Where all rows are linear and none is a complement of an unknown, they stand in the J segments,
+    and their constants in the bounds.
     """
     assert isinstance(problem, WrittenProgram)
     n, m = problem.n, problem.m
-    affine = bool(problem.linear_rows.all())
+    paired = {r: i for i, r in problem.complements}
+    affine = bool(problem.linear_rows.all()) and not paired
     written = [problem.f] if affine else [problem.f, problem.c]
     tape = Tape([problem.x], written, ["x"])
     variables = [f"v{j}" for j in range(n)]
@@ -31,7 +33,7 @@ def lines(problem: Program, x0: Array, longest: tuple[int, int] = (0, 0)) -> Ite
     yield f"""\
 g3 1 1 0  # problem {problem.name}; the multipliers of AMPL are minus those of f + lam'c
  {n} {m} 1 {int(np.sum(both & ~equations))} {int(np.sum(equations))}  # vars, rows, f, ranges, eqns
- {curved} 1  # nonlinear constraints, objectives
+ {curved} 1 0 {len(paired)} 0 0  # nonlinear constraints, objectives; complements
  0 0  # network constraints: nonlinear, linear
  {n if curved else 0} {n} {n if curved else 0}  # nonlinear vars in constraints, objectives, both
  0 0 0 1  # linear network variables; functions; arith, flags
@@ -52,7 +54,8 @@ g3 1 1 0  # problem {problem.name}; the multipliers of AMPL are minus those of f
     if m:
         shift = problem.constraints(zero) if affine else 0.0
         yield "r\n"
-        yield from map(bound, lower - shift, upper - shift)
+        for r, line in enumerate(map(bound, lower - shift, upper - shift)):
+            yield f"5 1 {paired[r] + 1}\n" if r in paired else line
     yield "b\n"
     yield from map(bound, *problem.bounds)
     slopes = problem.jacobian(zero) if affine else np.zeros(problem.nnz_jacobian)
