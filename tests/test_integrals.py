@@ -144,6 +144,18 @@ def test_a_free_time_with_an_integral():
     assert found.integral_multipliers == pytest.approx([x[1]], abs=1e-8)
 
 
+@pytest.mark.parametrize("end", [1e-17, 1.1e-16])
+def test_events_that_differ_by_round_off_say_no_size(end):
+    """A parabola: x'' is constant, and S = 6 A^2 / T^3. A rope: that between equal heights."""
+    given = {"start": ao.Event(0, [0]), "end": ao.Event(2, [end])}
+    found = ao.solve(ao.Problem(STRAIGHT, **given, integral=0.6), tol=1e-10)
+    assert found.action == pytest.approx(6 * 0.6**2 / 2**3, rel=1e-12)
+    rope = ao.solve(ao.Problem(ROPE, **given, integral=2.5), tol=1e-10)
+    # Half of it hangs by c sinh(1 / c) = 1.25, at y = c (cosh((t - 1) / c) - cosh(1 / c)).
+    c = brentq(lambda c: c * np.sinh(1 / c) - 1.25, 0.1, 10)
+    assert rope(1.0)[0] == pytest.approx(c * (1 - np.cosh(1 / c)), rel=1e-9)
+
+
 def test_values_that_no_path_has_are_refused():
     short = ao.Problem(ROPE, ao.Event(0, [1]), ao.Event(1, [3]), integral=2.0)
     with pytest.raises(ValueError, match="no such path"):

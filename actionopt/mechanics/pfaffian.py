@@ -116,7 +116,6 @@ def integrate_pfaffian(
     through: ArrayLike,
     *,
     parameters: Mapping[str, ArrayLike] | None = None,
-    reach: float = 1.0,
 ) -> Callable[..., Any]:
     """Return the holonomic constraint f(q, t) = 0 that rows a(q) . q' = 0 amount to.
 
@@ -130,8 +129,6 @@ def integrate_pfaffian(
         not say where it is.
     parameters : mapping, optional
         Values of the parameters, for the test of integrability.
-    reach : float
-        How far from `through` the coordinates go, where the rows are no differentials.
 
     Returns
     -------
@@ -139,8 +136,8 @@ def integrate_pfaffian(
         f(q, t, *, ...) for `System(..., constraint=f)`. Where each row is a differential, f_i is
         its line integral, G = A, and the multipliers are those of the rows. Otherwise f = y -
         Y(x) for some m of the coordinates y, with G = A_y^-1 A on the surface, integrated
-        numerically along straight lines in x: accurate to 1e-12 as far as `reach`, and a long
-        expression.
+        numerically along straight lines in x: accurate to 1e-12 as far as one from `through`, and
+        a long expression.
 
     Raises
     ------
@@ -189,12 +186,12 @@ def integrate_pfaffian(
         constraint = _constraint(
             rows, n, lambda matrix, q, k=panels: _leaf(matrix, start, dependent, q, k)
         )
-        defect = _defect(constraint, rows, start, dependent, reach, parameters)
+        defect = _defect(constraint, rows, start, dependent, parameters)
         if defect <= LEAF_ACCURACY:
             return constraint
     raise ValueError(
-        f"expected an integral of the rows as far as {reach} from {start.tolist()}, found that it "
-        f"can be followed only to {defect:.1e} of its slope; give a smaller reach, or the "
+        f"expected an integral of the rows as far as 1 from {start.tolist()}, found that it can "
+        f"be followed only to {defect:.1e} of its slope; give coordinates in larger units, or the "
         "constraint as f(q, t) = 0 if it is known"
     )
 
@@ -294,8 +291,8 @@ def _numbers(rows: Rows, at: Array, parameters) -> Array:
     return np.asarray(ca.Function("rows", [q, p], [ca.densify(A)])(at, packed))
 
 
-def _defect(constraint, rows: Rows, start: Array, dependent: list[int], reach, parameters) -> float:
-    """Return the slope of f along allowed motions, relative to its largest, at some distance."""
+def _defect(constraint, rows: Rows, start: Array, dependent: list[int], parameters) -> float:
+    """Return the slope of f along allowed motions, relative to its largest, at distance one."""
     q, t = ca.SX.sym("q", start.size), ca.SX.sym("t")
     table = ParameterTable(parameters)
     values = {
@@ -305,7 +302,7 @@ def _defect(constraint, rows: Rows, start: Array, dependent: list[int], reach, p
     evaluate = ca.Function("leaf", [q], [f, ca.densify(ca.jacobian(f, q))])
     worst = 0.0
     for shift in general_points(start.size, 6):
-        at = start + reach * shift / np.linalg.norm(shift)
+        at = start + shift / np.linalg.norm(shift)
         at[dependent] -= np.asarray(evaluate(at)[0]).ravel()  # onto the leaf: f = y - Y(x)
         G, A = np.asarray(evaluate(at)[1]), _numbers(rows, at, parameters)
         if not (np.isfinite(A).all() and np.isfinite(G).all()):

@@ -25,12 +25,12 @@ PUT_BACK = 3.0  # where a coordinate is put back
 SETTLED = 1e-3  # step after which Newton's method contracts
 
 
-def settle_by_component(tr: Transcription, z: Array, seed: int = 0) -> tuple[Array | None, int]:
+def settle_by_component(tr: Transcription, z: Array) -> tuple[Array | None, int]:
     """Return a point (size,) near a stationary path, or None, and the factorizations used.
 
     `tr` is without constraints, and all coordinates are given at both of its ends.
     """
-    rng, n = np.random.default_rng(seed), tr.problem.system.n
+    rng, n = np.random.default_rng(0), tr.problem.system.n
     steps = min(COMPONENT_STEPS, MASS_STEPS // n)
     first, at = z.reshape(-1, n), z.reshape(-1, n)
     s = np.arange(1.0, 1.0 + len(first)) / (1 + len(first))

@@ -22,7 +22,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.unfixed import APPROACHES
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
 # Ad hoc. Of a first path: elements and their degree, half waves, and the power of a sine that keeps
 # them in the middle.
@@ -45,20 +45,27 @@ def first_waves(
     """Yield at most `count` first paths along which the integrals have the values that are given.
 
     And the times of the events on them. One sine each in turn, up and down, then random sums of
-    them, in units of `size` (n,).
+    them, in units of `size` (n,). Where all of these leave the integrals as they are, events that
+    differ by round-off gave it, and the units are one.
     """
     mesh, legs = wave_mesh(times, problem.system.order), np.diff(times)
     values, n = straight(mesh.nodes), problem.system.n
     at = problem.found_at(times)
-    tr = Transcription(at, mesh, size)
     s = (mesh.nodes - times[0]) / (times[-1] - times[0])
     waves = np.sin(np.pi * np.arange(1, WAVES + 1)[:, None] * s)
     for joint in times[1:-1]:  # places that are given stay
         waves = waves * np.tanh(WAVES * np.abs(mesh.nodes - joint) / legs.min())
     waves = np.concatenate([waves[:1], waves * np.sin(np.pi * s) ** NARROW, waves[1:]])
-    shapes = np.einsum("kt,ij->kijt", waves, np.diag(size)).reshape(-1, n, mesh.nodes.size)
-    variations = np.array([tr.pack((values + shape).T) - tr.pack(values.T) for shape in shapes])
-    origin, asked = tr.pack(values.T), np.array(problem.integral)
+    asked = np.array(problem.integral)
+    for unit in (size, np.ones(n)):
+        tr = Transcription(at, mesh, unit)
+        shapes = np.einsum("kt,ij->kijt", waves, np.diag(unit)).reshape(-1, n, mesh.nodes.size)
+        origin = tr.pack(values.T)
+        variations = np.array([tr.pack((values + shape).T) - origin for shape in shapes])
+        ends = origin, origin + variations.sum(axis=0)
+        first, bent = (integrals(DiscretePath(tr, z))[0] for z in ends)
+        if not (np.abs(bent - first) <= EPS * np.abs(asked - first)).all():  # or not a number
+            break
     for k in range(count):
         if k == BEFORE_CONTINUATION:
             yield from _continue(problem, tr, origin, variations, times)
