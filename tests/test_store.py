@@ -216,6 +216,128 @@ def test_events_between_the_ends_and_integrals_come_back(problem, system, tmp_pa
         ao.load(file, system)
 
 
+SPLINE = System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"])
+BEAM = System(
+    lambda q, v, a, t, *, P: a[0] ** 2 / 2 - P * v[0] ** 2 / 2 + q[0], ["x"], parameters={"P": 2.0}
+)
+
+
+def _higher():
+    """Paths of which values at the nodes tell too little: with accelerations, jerk and snap."""
+    leave, arrive = Event(0, [0.0], v=[0.0]), Event(1, [1.0], v=[None])
+    yield Problem(SPLINE, leave, arrive, through=[Event(0.4, [0.7], v=[1.5])]), SPLINE
+    beam = Problem(BEAM, leave, Event(None, [1.0], v=[0.3]), energy=2.0, parameters={"P": 1.0})
+    yield beam, BEAM
+    laws: Any = [SPLINE, System(lambda q, v, a, t: a[0] ** 2, ["x"])]
+    yield Problem(laws, leave, arrive, through=[Event(0.4, None)]), laws
+    snap = System(lambda q, v, a, j, s, t: s @ s / 2 + q @ q, ["x", "y"])
+    ends = Event(0.3, [0, 1], v=[1, 0], a=[0, 0], j=[0, 0]), Event(1, [1, 0], a=[None, 2])
+    yield Problem(snap, *ends), snap
+    line = lambda q, t: q[0] - q[1] - 1  # noqa: E731
+    plane = System(lambda q, v, a, t: a @ a / 2 + q[1], ["x", "y"])
+    start = Event(0, [0, 0], v=[1, 0])
+    yield Problem(plane, start, Event(1, None, on=line, v=[None, 0.5])), plane
+    ring = System(lambda q, v, a, t: a[0] ** 2 / 2 + q[0] ** 2 - q[0] * np.cos(t), ["x"])
+    yield Problem(ring, Event(0, [None]), Periodic(2 * np.pi)), ring
+    held = System(
+        lambda q, v, a, t: a @ a / 2 + q[1], ["x", "y"], constraint=lambda q, t: (q @ q - 1) / 2
+    )
+    on_ring = [Event(s, [np.cos(s), np.sin(s)], v=[-np.sin(s), np.cos(s)]) for s in (0.0, 1.0)]
+    yield Problem(held, *on_ring), held
+
+    def height(q, v, t):
+        return q[0]
+
+    bent = System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], integral=height)
+    yield Problem(bent, leave, arrive, integral=0.2), bent
+
+
+@pytest.mark.parametrize(("problem", "system"), [*_higher()])
+def test_accelerations_come_back(problem, system, tmp_path):
+    file, solution = tmp_path / "higher.npz", ao.solve(problem)
+    solution.save(file)
+    alone = ao.load(file)
+    assert_same(alone, solution)
+    assert np.array_equal(alone.momenta, solution.momenta)
+    alone.save(file)
+    loaded = ao.load(file, system)
+    assert_same(loaded, solution)
+    for mine, other in zip(loaded.problem.joints, solution.problem.joints, strict=True):
+        assert (type(mine), mine.t, mine.q, mine.rates) == (
+            type(other), other.t, other.q, other.rates,
+        )  # fmt: skip
+    t = np.linspace(solution.problem.start.t, solution.problem.end.t, 7)
+    for name in ("momentum", "energy", "derivatives", "multipliers"):
+        if name != "multipliers" or problem.system.m:
+            assert np.array_equal(getattr(loaded, name)(t), getattr(solution, name)(t))
+    assert loaded.morse_index == solution.morse_index
+    assert np.array_equal(loaded.impulses, solution.impulses)
+    loaded.save(file)
+    assert_same(ao.load(file, system), solution)
+
+
+HIGHER = {
+    "another velocity": (
+        "rates",
+        lambda a: a + 1e-6,
+        "damaged .*through its events, found the velocity of",
+    ),
+    "other velocities inside": (
+        "rates",
+        lambda a: a * np.r_[1, [1.001] * (a.size - 2), 1],
+        "the velocities",
+    ),
+    "too few velocities": ("rates", lambda a: a[:, 1:], "damaged .*velocities of shape"),
+    "velocities of two": ("rates", lambda a: np.vstack([a, a]), "damaged .*belong together"),
+    "fewer unknowns": ("unknowns", lambda a: a[1:], "a system of .* unknowns"),
+    "other unknowns": ("unknowns", lambda a: a * (1 + 1e-6), "damaged .*the values of the path"),
+    "unknowns NaN": ("unknowns", lambda a: a + np.nan, "damaged .*finite unknowns"),
+    "another rate": (
+        "units",
+        lambda a: {**a, "rate": 1.001 * a["rate"]},
+        "whose action on its path",
+    ),
+    "no rate": ("units", lambda a: {**a, "rate": 0.0}, "damaged .*units that are positive"),
+    "units of two": ("units", lambda a: {**a, "lengths": [1.0, 1.0]}, "damaged .*belong together"),
+    "rows of a constraint": ("units", lambda a: {**a, "row_units": [1.0]}, "in units of shapes"),
+    "another velocity given": (
+        "events",
+        lambda a: [[0.0, [0.0], [0.5]], a[1]],
+        "its events, found the velocity",
+    ),
+    "momenta of the first order": ("momenta", lambda a: a[:, :1], "damaged .*belong together"),
+    "momenta of a higher order": ("momenta", lambda a: np.hstack([a, a]), "a system of order 4"),
+    "other momenta": (
+        "momenta",
+        lambda a: a * [1, 1 + 1e-5],
+        "damaged .*the momenta of the system",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def beam():
+    problem = Problem(BEAM, Event(0, [0.0], v=[0.0]), Event(1, [1.0]))
+    return ao.solve(problem, tol=1e-9)
+
+
+@pytest.mark.parametrize("what", HIGHER)
+def test_accelerations_that_do_not_fit_are_refused(beam, what, tmp_path):
+    name, change, why = HIGHER[what]
+    file = saved(beam, tmp_path / "wrong.npz", **{name: change})
+    with pytest.raises(ValueError, match=rf"expected .*{why}"):
+        ao.load(file, BEAM)
+
+
+def test_a_system_of_another_order_is_refused(own, tmp_path):
+    higher = System(lambda q, v, a, t: a[0] ** 2 / 2, ["theta"])
+    path = ao.solve(Problem(higher, Event(0, [0.0], v=[0.0]), Event(1, [1.0], v=[0.0])))
+    for solution, other in ((own, higher), (path, SYSTEM)):
+        solution.save(tmp_path / "one.npz")
+        with pytest.raises(ValueError, match="expected a system of order"):
+            ao.load(tmp_path / "one.npz", other)
+
+
 # -- the file itself ------------------------------------------------------------------------------
 
 

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.events import Bounce, Event, Periodic, Phase, Tail
+from actionopt.discrete.discrete_path import Unknowns
+from actionopt.discrete.path import Path
+from actionopt.mechanics.events import RATES, Bounce, Event, Periodic, Phase, Tail
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
@@ -27,16 +29,20 @@ ARRAYS = (
     "velocities",
     "momenta",
 )
+# And of a path whose Lagrangian contains accelerations: velocities at the nodes, and the unknowns.
+HIGHER = "rates", "unknowns"
 SOLUTION_FORMAT = "actionopt solution 1"
 
 
 def save(
     file: str | FilePath,
     problem: Problem | Detached,
+    path: Path,
+    unknowns: Unknowns | None,
     found: Mapping[str, Any],
     **arrays: Array | float,
 ) -> None:
-    """Write the `arrays` of `ARRAYS`, and what was `found` of `problem`, whole or not at all.
+    """Write a path, other `arrays` of `ARRAYS`, and what was `found`, whole or not at all.
 
     Raises
     ------
@@ -53,7 +59,7 @@ def save(
         "system": problem.name,
         "coordinates": known.coordinates,
         "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
-        "events": [[e.t, list(e.q)] for e in problem.joints_found],
+        "events": [[e.t, list(e.q), *e.rates] for e in problem.joints_found],
         "integral": problem.integral,
         "advance": None if problem.advance is None else list(problem.advance),
         "relabel": getattr(problem.end, "relabel", None),
@@ -61,6 +67,14 @@ def save(
         "tails": [_tail(e) for e in (problem.start, problem.end)] if problem.has_tails else None,
         **found,
     }
+    arrays |= {"boundaries": path.mesh.boundaries, "degrees": np.array(path.mesh.degrees)}
+    arrays["values"] = path.values
+    if unknowns is not None and path.velocities is not None:
+        arrays |= zip(HIGHER, (path.velocities, unknowns.z), strict=True)
+        units = {"lengths": unknowns.lengths, **unknowns.units._asdict()}
+        about["units"] = {
+            k: None if x is None else np.asarray(x).tolist() for k, x in units.items()
+        }
     with whole(target) as part:
         np.savez(part, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
 
@@ -105,25 +119,30 @@ def _edge(t: float, rest: list[float], side: int, phase: list[Any] | None) -> Ta
     return Tail(t, rest, side, Phase(at, tuple(normal), tuple(center), weight))
 
 
+def _event(t: float, q: list[Any], *rates: Any) -> Event:
+    """Return an event of a file, with what is given of its derivatives."""
+    return Event(t, q, **dict(zip(RATES, rates, strict=False)))
+
+
 class Detached:
     """Stands for the problem of a solution loaded without its system: events and parameters."""
 
     def __init__(self, about: dict[str, Any]) -> None:
         self.name, self.coordinates = about["system"] or "problem", tuple(about["coordinates"])
-        (t0, q0), *between, (t1, q1) = about["events"]
-        self.start, self.end = Event(t0, q0), Event(t1, q1)
-        self.through = tuple(Event(t, q) for t, q in between)
+        self.start, *between, self.end = (_event(*e) for e in about["events"])
+        self.through = tuple(between)
         self.integral: tuple[float, ...] | None = about.get("integral")  # an older file has none
         if about.get("tails") is not None:  # an older file has none
             ends = [
-                Event(t, q) if tail is None else _edge(t, *tail)
-                for (t, q), tail in zip(about["events"], about["tails"], strict=True)
+                e if tail is None else _edge(e.t, *tail)
+                for e, tail in zip(self.joints_found, about["tails"], strict=True)
             ]
             self.start, self.end = ends
         if about["advance"] is not None:
+            t1, q1 = self.end.t, self.end.q
             end = Periodic(t1, about["advance"], relabel=about.get("relabel"))
             self.end = end.after(self.start)
-            if list(self.end.q) != q1:
+            if self.end.q != q1:
                 raise ValueError(
                     f"expected an end of a closed path after its advance, {self.end.q}, found {q1}"
                 )

@@ -30,15 +30,13 @@ from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
 from actionopt.analysis.tables import dataset, frame
-from actionopt.discrete.action import ActionUnits
 from actionopt.discrete.boundaries import find_boundaries
-from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.discrete_path import DiscretePath, Unknowns
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.surfaces import reactions
-from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
@@ -55,10 +53,14 @@ DRAWN_POINTS, DRAWN_COORDINATES = 201, 4  # points of a path in a notebook, and 
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """States and momenta (n,) at the two events, of a solution whose system is not at hand."""
+    """States and momenta at the two events, of a solution whose system is not at hand.
+
+    And its unknowns, where L contains accelerations.
+    """
 
     states: tuple[State, State]
     momenta: tuple[Array, Array]
+    unknowns: Unknowns | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -556,7 +558,7 @@ class Solution:
         if known is None or self.problem.system.r:
             return Solution, tuple(made)
         made[1] = None  # it is that of the unknowns
-        return _restore, (made, self.mesh, known.z, known.tr.lengths, known.tr.units)
+        return _restore, (made, self.mesh, known.unknowns)
 
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""
@@ -643,21 +645,25 @@ class Solution:
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
-        if isinstance(self.problem, Problem):  # what was loaded from a file alone has no system
-            self.problem.system.check_order("a file of a solution (it can be pickled)")
         save(
             file,
             self.problem,
+            self.path,
+            self._unknowns,
             {"status": self.status.name, "stats": self.stats},
-            boundaries=self.mesh.boundaries,
-            degrees=np.array(self.mesh.degrees),
-            values=self.path.values,
             lam=self.lam,
             action=self.action,
             error=self.error,
             velocities=np.stack([self.start.v, self.end.v]),
             momenta=np.stack(self.momenta),
         )
+
+    @property
+    def _unknowns(self) -> Unknowns | None:
+        """Those that a file holds: where L contains accelerations."""
+        if isinstance(self.problem, Problem):  # what was loaded from a file alone has no system
+            return self.discrete.unknowns if self.problem.system.order > 1 else None
+        return None if self.ends is None else self.ends.unknowns
 
     @cached_property
     def _comparison(self) -> Comparison:
@@ -746,9 +752,9 @@ class SolveError(RuntimeError):
         return SolveError, (str(self), self.solution)
 
 
-def _restore(made: list[Any], mesh: Mesh, z: Array, lengths: Array, units: ActionUnits) -> Solution:
-    """Return a solution whose path is known as unknowns z, in the units of its transcription."""
-    known = DiscretePath(Transcription(made[0], mesh, lengths, like=units), z)
+def _restore(made: list[Any], mesh: Mesh, unknowns: Unknowns) -> Solution:
+    """Return a solution whose path is known as unknowns."""
+    known = DiscretePath.restore(made[0], mesh, unknowns)
     made[1] = known.path
     return Solution(*made, known=known)
 

@@ -17,10 +17,12 @@ import casadi as ca
 import numpy as np
 
 from actionopt import scenes
-from actionopt.analysis.saved import ARRAYS, SOLUTION_FORMAT, Detached
+from actionopt.analysis.saved import ARRAYS, HIGHER, SOLUTION_FORMAT, Detached
 from actionopt.analysis.solution import Ends, Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.action import ActionUnits
 from actionopt.discrete.boundaries import find_boundaries
+from actionopt.discrete.discrete_path import DiscretePath, Unknowns
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -70,14 +72,14 @@ def load(file: str | FilePath, system: System | Sequence[System] | str | None = 
         ) from error
     except Exception as error:  # there is no end to the ways in which a file can be damaged
         raise _file_error(file, error) from error
-    problem = _problem(found, system)
-    if problem is None:
+    loaded = _answer(found, system)
+    if loaded is None:
         return found
     try:
-        _check_physics(replace(found, problem=problem, ends=None), found)
+        _check_physics(replace(loaded, ends=None), found)
     except ValueError as error:
         raise _file_error(file, error) from error
-    return replace(found, problem=problem)
+    return loaded
 
 
 def _file_error(file: str | FilePath, error: Exception) -> ValueError:
@@ -96,11 +98,12 @@ def _read(file: FilePath) -> Solution:
             raise ValueError("expected a zip archive")
         stream.seek(0)
         with np.load(stream, allow_pickle=False) as arrays:
-            data = {name: arrays[name] for name in (*ARRAYS, "about")}
-    about = json.loads(str(data["about"]))
+            about = json.loads(str(arrays["about"]))
+            names = ARRAYS if about.get("units") is None else (*ARRAYS, *HIGHER)
+            data = {name: arrays[name] for name in names}
     if about["format"] != SOLUTION_FORMAT:
         raise ValueError(f"expected the format {SOLUTION_FORMAT!r}, found {about['format']!r}")
-    for name in ARRAYS:
+    for name in names:
         if data[name].dtype.kind not in "fiu":
             raise ValueError(f"expected real numbers as {name}, found {data[name].dtype}")
     if about["status"] not in Status.__members__:
@@ -110,10 +113,17 @@ def _read(file: FilePath) -> Solution:
         )
     problem = Detached(about)
     mesh = Mesh(data["boundaries"], data["degrees"])
-    path = Path(mesh, data["values"])
+    path, unknowns = Path(mesh, data["values"], data.get("rates")), None
     n, nodes = len(problem.coordinates), mesh.nodes.size
     shapes = [len(problem.start.q), len(problem.end.q), path.values.shape[0]]
-    ends = data["velocities"].shape == data["momenta"].shape == (2, n)
+    p, v = data["momenta"].shape, data["velocities"].shape
+    ends = v == (2, n) and p == (2, p[-1]) and p[-1] % n == 0
+    if about.get("units") is not None:
+        unknowns = _unknowns(data["unknowns"], about["units"])
+        ends &= p[-1] > n and path.values.shape == data["rates"].shape
+        ends &= unknowns.lengths.shape == (n,) and unknowns.z.ndim == 1
+    else:
+        ends &= p[-1] == n
     single = data["action"].shape == data["error"].shape == ()
     if shapes != [n, n, n] or not ends or not single or data["lam"].shape[1:] != (nodes,):
         raise ValueError("expected arrays of shapes that belong together")
@@ -125,12 +135,26 @@ def _read(file: FilePath) -> Solution:
         float(data["error"]),
         Status[about["status"]],
         dict(about["stats"]),
-        _ends(path, data["velocities"], data["momenta"]),
+        _ends(path, data["velocities"], data["momenta"], unknowns),
     )
     _check_ends(found)
     if found.success:
         _check_numbers(found)
     return found
+
+
+def _unknowns(z: Array, units: dict[str, Any]) -> Unknowns:
+    """Return what `save` kept of a path whose Lagrangian contains accelerations.
+
+    Raises ValueError for numbers that are not finite, and units that are not positive.
+    """
+    known = {k: np.array(x, dtype=float) for k, x in units.items() if x is not None}
+    positive = ("lengths", "action_unit", "row_units", "rate")
+    if not (np.isfinite(z).all() and all(np.all(known[k] > 0) for k in positive)):
+        raise ValueError("expected finite unknowns, and units that are positive")
+    lengths, origin = known.pop("lengths"), known.pop("origin", None)
+    S, rate = float(known.pop("action_unit")), float(known.pop("rate"))
+    return Unknowns(z, lengths, ActionUnits(origin, action_unit=S, rate=rate, **known))
 
 
 def _check_ends(solution: Solution) -> None:
@@ -144,17 +168,20 @@ def _check_ends(solution: Solution) -> None:
             f"expected a path from t = {times[0]} to {times[1]}, the times of its events, found "
             f"one from {mesh.boundaries[0]} to {mesh.boundaries[-1]}"
         )
-    off = SAME_EVALUATION * np.max(np.abs(values), axis=1)
+    n, rates = len(values), solution.path.velocities
+    table = values if rates is None else np.concatenate([values, rates])
+    off = SAME_EVALUATION * np.max(np.abs(table), axis=1)
     for k, event in zip(mesh.offsets[[0, *inner, -1]], joints, strict=True):
-        for i in event.pinned:
-            if not abs(values[i, k] - cast(float, event.q[i])) <= off[i]:
+        for i, given in enumerate(event.places(len(table) // n)):
+            if given is not None and not abs(table[i, k] - given) <= off[i]:
+                name = f"coordinate {i}" if i < n else f"the velocity of coordinate {i - n}"
                 raise ValueError(
-                    f"expected a path through its events, found coordinate {i} = {values[i, k]} "
-                    f"where the event has {event.q[i]}"
+                    f"expected a path through its events, found {name} = {table[i, k]} "
+                    f"where the event has {given}"
                 )
     if problem.advance is not None:
         turned = values[:, -1] - values[list(problem.order), 0]
-        if not np.all(np.abs(turned - problem.advance) <= off):
+        if not np.all(np.abs(turned - problem.advance) <= off[:n]):
             raise ValueError(
                 f"expected a path that closes with the advance {problem.advance}, found {turned}"
             )
@@ -171,6 +198,8 @@ def _check_numbers(found: Solution) -> None:
         raise ValueError(f"expected finite momenta, found {found.momenta}")
     rows = found.stats.get("rows")
     given = np.isfinite(found.lam).sum()
+    if found.path.velocities is not None:  # multipliers are functions as paths are
+        rows = found.lam.size
     if np.any(np.isinf(found.lam)) or rows not in (None, given):
         raise ValueError(f"expected multipliers of {rows} rows of constraints, found {given}")
     if not isinstance(found.stats.get("gain", 1.0), (int, float)):
@@ -196,10 +225,14 @@ def _speeds(solution: Solution) -> Array:
 
 
 def _check_physics(fresh: Solution, found: Solution) -> None:
-    """Raise ValueError if multipliers, momenta and velocities are not those of the system.
+    """Raise ValueError if path, multipliers, momenta and velocities are not those of the system.
 
-    `fresh` has nothing but the path and its system, and derives the rest from them.
+    `fresh` has nothing but the path, or its unknowns, and its system, and derives the rest.
     """
+    for name in ("values", "velocities"):
+        a, b = getattr(fresh.path, name), getattr(found.path, name)
+        if a is not b and not np.all(np.abs(a - b) <= SAME_EVALUATION * np.max(np.abs(a))):
+            raise ValueError(f"expected the {name} of the path that its unknowns tell")
     m = fresh.problem.system.m + fresh.problem.system.r
     if found.lam.shape[0] != m:
         raise ValueError(f"expected multipliers of {m} constraints, found {found.lam.shape[0]}")
@@ -207,7 +240,7 @@ def _check_physics(fresh: Solution, found: Solution) -> None:
         return
     p = np.abs(fresh.momentum(fresh.mesh.nodes))
     tr = fresh.discrete.tr
-    units = np.maximum(np.max(p, axis=1), tr.action_unit / tr.lengths)
+    units = np.maximum(np.max(p, axis=1), tr.action_unit / tr.place_units)
     speeds = _speeds(fresh)
     for role, a, b, unit in (
         ("momenta", fresh.momenta, found.momenta, units),
@@ -220,7 +253,7 @@ def _check_physics(fresh: Solution, found: Solution) -> None:
             )
 
 
-def _ends(path: Path, velocities: Array, momenta: Array) -> Ends:
+def _ends(path: Path, velocities: Array, momenta: Array, unknowns: Unknowns | None) -> Ends:
     """Return what a solution would derive from its system: that is in the file as well.
 
     Raises ValueError if the velocities are not two finite rows (n,).
@@ -232,7 +265,7 @@ def _ends(path: Path, velocities: Array, momenta: Array) -> Ends:
     p0, p1 = (np.array(p, dtype=float) for p in momenta)
     for p in (p0, p1):
         p.setflags(write=False)
-    return Ends((start, end), (p0, p1))
+    return Ends((start, end), (p0, p1), unknowns)
 
 
 def _question(known: Detached, system: System | Sequence[System]) -> Problem:
@@ -270,7 +303,7 @@ def _event_asked(known: Detached, event: Event, free: bool, on: list[Any] | None
     shapes = {name: np.shape(x) for name, x in known.parameters.items()}
     try:
         surface = Surface(ca.Function.deserialize(law), shapes)
-        return Bounce(surface, t, q) if any(bounces) else Event(t, q, on=surface)
+        return Bounce(surface, t, q) if any(bounces) else event._replace(t=t, q=q, on=surface)
     except RuntimeError as error:
         raise ValueError(
             f"expected the surface of an event that CasADi {ca.CasadiMeta.version()} can read, "
@@ -278,8 +311,29 @@ def _event_asked(known: Detached, event: Event, free: bool, on: list[Any] | None
         ) from error
 
 
-def _problem(found: Solution, system: System | Sequence[System] | str | None) -> Problem | None:
-    """Return the problem of a solution whose system is given, or is the scene of the same name.
+def _discrete(found: Solution, problem: Problem) -> DiscretePath:
+    """Return the path on its mesh, as it was found where L contains accelerations.
+
+    Raises ValueError for a system of which these are not the unknowns.
+    """
+    assert found.ends is not None
+    unknowns = found.ends.unknowns
+    if unknowns is None:
+        return DiscretePath.of(problem, found.path, lengths=problem.lengths)
+    tr = Transcription(problem, found.mesh, unknowns.lengths)
+    shapes = [
+        [None if x is None else np.shape(x) for x in units] for units in (tr.units, unknowns.units)
+    ]
+    if shapes[0] != shapes[1] or unknowns.z.size != tr.layout.size:
+        raise ValueError(
+            f"expected a system of {unknowns.z.size} unknowns on the mesh of the file, in units of "
+            f"shapes {shapes[1]}, found {tr.layout.size}, {shapes[0]}"
+        )
+    return DiscretePath.restore(problem, found.mesh, unknowns)
+
+
+def _answer(found: Solution, system: System | Sequence[System] | str | None) -> Solution | None:
+    """Return a solution whose system is given, or is the scene of the same name.
 
     None where there is no such scene. Raises ValueError for the wrong system.
     """
@@ -298,14 +352,18 @@ def _problem(found: Solution, system: System | Sequence[System] | str | None) ->
                     f"expected a system of the coordinates {', '.join(known.coordinates)} in the "
                     f"file, found {', '.join(one.coordinates)}"
                 )
+            order = found.momenta[0].size // one.n
+            if one.order != order:
+                raise ValueError(
+                    f"expected a system of order {order}, that of the highest derivative in the "
+                    f"Lagrangian of the file, found one of order {one.order}"
+                )
         problem = _question(known, system)
-        tr = Transcription(problem, found.mesh, problem.lengths)
-        action, S = tr.action_and_gradient(found.path.values.T)[0], found.action
-        if problem.integral is not None:
-            action -= float(problem.kappa @ np.array(problem.integral))
+        at = _discrete(found, problem)
+        action, S = at.action, found.action
         # A failed attempt may have an infinite one, or none.
         alike = action == S or (np.isnan(action) and np.isnan(S))
-        if not (alike or abs(action - S) <= SAME_EVALUATION * max(abs(S), tr.action_unit)):
+        if not (alike or abs(action - S) <= SAME_EVALUATION * max(abs(S), at.tr.action_unit)):
             raise ValueError(
                 f"expected the system of the file, whose action on its path is {S}, found "
                 f"a system that gives {action}"
@@ -314,4 +372,6 @@ def _problem(found: Solution, system: System | Sequence[System] | str | None) ->
         if guessed:  # another system of that name
             return None
         raise
-    return problem
+    if problem.system.order == 1:
+        return replace(found, problem=problem)
+    return replace(found, problem=problem, path=at.path, known=at)

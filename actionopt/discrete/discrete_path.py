@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from actionopt.discrete.action import ActionUnits
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
@@ -15,6 +17,14 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.tools.types import Array
+
+
+class Unknowns(NamedTuple):
+    """The numbers of a path on a mesh, z (size,), and what they are measured in."""
+
+    z: Array
+    lengths: Array
+    units: ActionUnits
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +66,16 @@ class DiscretePath:
             lengths = np.where(zero, 1.0, largest)
         tr = Transcription(problem, path.mesh, lengths)
         return cls(tr, tr.pack(path.values.T, lam))
+
+    @classmethod
+    def restore(cls, problem: Problem, mesh: Mesh, unknowns: Unknowns) -> DiscretePath:
+        """Return the path of which these are the `unknowns`, to the last bit."""
+        return cls(Transcription(problem, mesh, unknowns.lengths, like=unknowns.units), unknowns.z)
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """What tells the path, given its problem and its mesh."""
+        return Unknowns(self.z, self.tr.lengths, self.tr.units)
 
     @property
     def problem(self) -> Problem:
