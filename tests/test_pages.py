@@ -39,7 +39,9 @@ def made_again(name):
     file = DOCS / name
     rows = json.loads(file.with_suffix(".json").read_text())
     if name == "stress.md":
-        return stress.page({k: (f["about"], unpacked(f)) for k, f in rows.items()}) + "\n"
+        before = json.loads(DOCS.joinpath("stress_before.json").read_text())
+        both = ({k: (f["about"], unpacked(f)) for k, f in x.items()} for x in (rows, before))
+        return stress.page(*both) + "\n"
     if name == "benchmarks/scaling.md":
         return scaling.page(rows) + "\n"
     return report.page(Results(file, rows))
