@@ -24,6 +24,7 @@ from actionopt.suite.interfaces import (
 )
 from actionopt.suite.models.fits import largest_residual
 from actionopt.suite.models.floors import contact_changes
+from actionopt.suite.models.slides import continuous_speeds, least_time
 from actionopt.suite.saddle_search import dimer, elastic_band
 from actionopt.suite.sequence import compare, in_force, steps
 from actionopt.suite.verdict import verdict
@@ -374,6 +375,86 @@ def test_no_bound_is_in_force_on_a_singular_arc():
     u, lam = problem.x_star[20:], problem.lam_star
     np.testing.assert_allclose(u, [-1.0] * 10 + [-0.5] + [0.0] * 9, atol=1e-12)
     assert np.all(lam[:10] < 0) and np.all(lam[10:] == 0)
+
+
+def time_down(x, depth):
+    """Return the time of a slide of straight pieces under gravity 1: lengths by mean speeds."""
+    speed = np.sqrt(2 * depth)
+    return float(np.sum(np.hypot(np.diff(x), np.diff(depth)) * 2 / (speed[1:] + speed[:-1])))
+
+
+@pytest.mark.parametrize("width, floor", [(4.0, 1.4), (6.0, 1.0)])
+def test_a_slide_above_a_floor_is_two_cycloids_and_the_floor(width, floor):
+    exact, late = least_time(width, floor), []
+    for elements in (40, 80):
+        problem = suite.model("slide_above_floor", elements=elements, width=width, floor=floor)
+        x = np.linspace(0, width, elements + 1)
+        depth = np.concatenate([[0], problem.x_star**2 / 2, [1]])
+        assert time_down(x, depth) == pytest.approx(problem.f_star, rel=1e-13)
+        late.append(problem.f_star - exact)  # it is a slide, too: none is quicker
+        assert problem.violation(problem.x_star) == 0
+        lies = np.abs(depth - floor) < 1e-12
+        quickest = continuous_speeds(width, floor)(x)
+        assert lies.any() and np.all(np.abs(quickest[lies] ** 2 / 2 - floor) < 0.02)
+        np.testing.assert_allclose(problem.x_star, quickest[1:-1], atol=0.05)
+    assert 0 < late[1] < late[0] / 2 < 0.01
+    end = np.arccos(1 - 2 / floor)  # corners on the curve itself; the second wheel turns back
+    turn = np.append(np.linspace(0, np.pi, 2001), np.linspace(np.pi, end, 2001))
+    x, depth = floor / 2 * np.array([turn - np.sin(turn), 1 - np.cos(turn)])
+    x[2001:] = width + x[-1] - x[2001:]
+    assert time_down(x, depth) == pytest.approx(exact, rel=1e-6)
+
+
+def test_a_slide_that_does_not_touch_its_floor_is_refused():
+    with pytest.raises(ValueError, match="expected a slide that touches its floor"):
+        suite.model("slide_above_floor", width=1.0)
+    with pytest.raises(ValueError, match="a floor at a depth of at least 1"):
+        suite.model("slide_above_floor", floor=0.9)
+
+
+# -- min-max ---------------------------------------------------------------------------------
+
+
+def contact_forces(a, b, load):
+    """Return those of supports at -a, 0 and b, by beam elements, which are exact at their nodes."""
+    at = np.unique([-1.0, -a, 0.0, b, 1.0])
+    K, pull = np.zeros((2 * at.size, 2 * at.size)), np.zeros(2 * at.size)
+    for k, h in enumerate(np.diff(at)):  # deflection and slope at both ends
+        here = slice(2 * k, 2 * k + 4)
+        K[here, here] += (
+            np.array(
+                [
+                    [12, 6 * h, -12, 6 * h],
+                    [6 * h, 4 * h**2, -6 * h, 2 * h**2],
+                    [-12, -6 * h, 12, -6 * h],
+                    [6 * h, 2 * h**2, -6 * h, 4 * h**2],
+                ]
+            )
+            / h**3
+        )
+        pull[here] += [h / 2, h**2 / 12, h / 2, -(h**2) / 12]
+    held = 2 * np.searchsorted(at, [-a, 0.0, b])
+    pull[held[1]] += load
+    free = np.setdiff1d(np.arange(pull.size), held)
+    bent = np.zeros(pull.size)
+    bent[free] = np.linalg.solve(K[np.ix_(free, free)], pull[free])
+    return (pull - K @ bent)[held]
+
+
+@pytest.mark.parametrize("load", [0.0, 1.0, 4.0])
+def test_no_places_of_supports_have_a_smaller_largest_force(load):
+    problem = suite.model("beam_on_supports", load=load)
+    a, b, *forces, most = problem.x_star
+    np.testing.assert_allclose(contact_forces(a, b, load), forces, rtol=1e-12)
+    grid = np.linspace(0.12, 0.98, 24)
+    largest = [(max(contact_forces(p, q, load)), p, q) for p in grid for q in grid]
+    least, p, q = min(largest)
+    assert most <= least < 1.1 * most and max(abs(p - a), abs(q - b)) < 0.04
+    p, q = 0.4, 0.7  # rows are those of the elements elsewhere, too
+    elsewhere = np.array([p, q, *contact_forces(p, q, load), 9.0])
+    np.testing.assert_allclose(problem.constraints(elsewhere)[:3], 0, atol=1e-12)
+    with pytest.raises(ValueError, match="expected a load of 0 to 10"):
+        suite.model("beam_on_supports", load=-1.0)
 
 
 # -- complementarity -------------------------------------------------------------------------

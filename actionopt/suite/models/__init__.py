@@ -8,7 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from actionopt.suite.models import control, fields, fits, flips, floors, friction, infeasible, small
+from actionopt.suite.models import (
+    control,
+    fields,
+    fits,
+    flips,
+    floors,
+    friction,
+    infeasible,
+    slides,
+    small,
+    supports,
+)
 from actionopt.suite.models.model import Model
 
 MODELS: dict[str, Callable[..., Model]] = {
@@ -27,6 +38,8 @@ MODELS: dict[str, Callable[..., Model]] = {
         fields.soap_film,
         control.double_integrator,
         control.singular_arc,
+        slides.slide_above_floor,
+        supports.beam_on_supports,
         friction.blocks_by_hand,
         flips.pendulum_row,
     )
