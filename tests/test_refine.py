@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import systems
 from helpers import a_quarter
+from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, Status, scenes
@@ -88,3 +89,27 @@ def test_errors_on_a_given_mesh_are_not_below_the_truth(T, elements, degree):
     t = np.linspace(0.0, T, 801)
     exact = 0.3 * np.cos(t) + (0.2 - 0.3 * np.cos(T)) / np.sin(T) * np.sin(t)
     assert np.max(np.abs(solution(t)[0] - exact)) <= solution.error * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize(
+    ("q0", "q1", "w", "T", "k"),
+    [
+        (0.48106614156157, -0.7633431982704673, 2.421292497240636, 1.0291868565187763, 1.0),
+        (-1.0193638984264664, 0.33761881281909245, 0.6098550199034585, 2.7, 0.5),
+    ],
+)
+def test_a_kink_at_a_node_makes_no_family(q0, q1, w, T, k):
+    """Second derivatives of arccos(cos(w q)) are none at its kinks; motions are two parabolas."""
+
+    def end(v):
+        a = -k * w * np.sign(q0)  # to the kink, at q = 0; the opposite from there on
+        at_kink = -np.copysign(np.sqrt(v**2 - 2 * a * q0), q0)
+        rest = T - (at_kink - v) / a
+        return at_kink * rest - a * rest**2 / 2
+
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - k * np.arccos(np.cos(w * q[0])), ["q"])
+    found = ao.solve(Problem(system, Event(0, [q0]), Event(T, [q1])), throw=False)
+    v = brentq(lambda v: end(v) - q1, -2, 2)
+    assert (end(v + 1e-6) - end(v - 1e-6)) / 2e-6 > 0.4  # no other path near this one
+    assert found.status is not Status.DEGENERATE
+    assert not found.success or abs(found.velocity(0.0)[0] - v) < 1e-4

@@ -207,7 +207,8 @@ def _failure(ws: Workspace) -> Status:
 
     It is not determined where round-off is amplified since the action hardly bends in a direction.
     Otherwise the forces are rounded coarsely, as near a pole in time. Of a path at which Newton's
-    method has not been its matrix tells nothing, unless the equations are linear.
+    method has not been its matrix tells nothing, unless the equations are linear; nor does one that
+    is not finite, as where a node lies on a kink of L that is written as arccos(cos(q)).
     """
     known = ws.linear or np.isfinite(ws.here.error)
     if not (known and ws.here.noise > ILL_CONDITIONED):
@@ -215,5 +216,5 @@ def _failure(ws: Workspace) -> Status:
     try:
         bends = ws.here.with_probed(ws.many).growth < BENDING
     except np.linalg.LinAlgError:
-        bends = False
+        bends = not np.isfinite(ws.here.equations.kkt(ws.here.z)).all()
     return Status.UNRESOLVED if bends else Status.DEGENERATE
