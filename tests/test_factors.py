@@ -296,6 +296,25 @@ def test_blocks_of_any_path_with_a_border(in_blocks, shape, kind):
             assert factors.negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
 
 
+def test_the_inertia_where_rows_of_constraints_are_small(stored):
+    """D K D has as many negative eigenvalues as K, for any D (Sylvester)."""
+    size, (layout, nonzeros, dense) = 1e-32, matrix_of("sphere", stored)
+    rows = np.arange(layout.size) >= layout.unknowns
+    scale = np.where(rows[:, None] != rows, size, 1.0)
+    pattern = layout.kkt
+    if layout.storage == "blocks":
+        small = layout.blocks.rescale(nonzeros, np.where(rows, size, 1.0))
+        assert np.allclose(full(layout, small), scale * dense, rtol=1e-12, atol=0)
+    else:
+        small = nonzeros * scale[pattern.row, pattern.col]
+    assert Factors(layout, small).negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
+    B = np.random.default_rng(7).normal(size=(layout.size, 2))
+    dense = np.block([[dense, B], [B.T, -np.eye(2)]])
+    B = np.where(rows, size, 1.0)[:, None] * B
+    bordered = border_matrix(layout, small, B, B.T, -np.eye(2))
+    assert Factors(*bordered).negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
+
+
 @pytest.mark.parametrize("border", [(), (2,)], ids=str)
 @pytest.mark.parametrize("kind", ["plain", "sphere"])
 def test_a_closed_path_whose_coordinates_differ_much_in_size(in_blocks, kind, border):

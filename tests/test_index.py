@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 import actionopt as ao
 import actionopt.analysis.second_variation as second_variation_module
 from actionopt import scenes
-from actionopt.analysis.index import inertia, inertia_of
+from actionopt.analysis.index import Inertia, inertia, inertia_of
 from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import lowest, second_variation
 from actionopt.analysis.regular import regular_index
@@ -562,3 +562,9 @@ def test_chain_against_all_pivots():
     assert at.tr.layout.storage == "sparse"
     expected = inertia_of(resolve(at, solution.error, 1e-6)).index
     assert regular_index(at, solution.error, 1e-5) == expected > 0
+
+
+def test_signs_that_are_round_off_are_no_index():
+    for index, nullity in ((-1, 0), (0, -2)):
+        with pytest.raises(ValueError, match="round-off"):
+            Inertia(index, nullity, None, 1e-8)

@@ -75,6 +75,15 @@ class Inertia:
     tolerance: float
     moves: int = 0
 
+    def __post_init__(self) -> None:
+        """Raise ValueError for numbers that round-off has made of the signs."""
+        if self.index < 0 or self.nullity < 0:
+            raise ValueError(
+                f"expected signs of the second variation that are known, found an index of "
+                f"{self.index} and a nullity of {self.nullity}: round-off, as where times of "
+                "contact are all but the same; a smaller tol or other events may tell"
+            )
+
     @property
     def kind(self) -> Literal["minimum", "saddle", "degenerate"]:
         """What the action is at the path, among its near neighbours."""

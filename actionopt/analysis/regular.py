@@ -31,7 +31,8 @@ def regular_index(first: DiscretePath, error: float, tolerance: float) -> int | 
     try:
         if form is None or not _is_clear(form, tolerance):
             return None
-        return form.factors.negative() - form.at.tr.layout.rows
+        index = form.factors.negative() - form.at.tr.layout.rows
+        return index if index >= 0 else None  # below zero it is round-off
     except np.linalg.LinAlgError:
         return None
 

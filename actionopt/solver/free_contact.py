@@ -8,6 +8,7 @@ unknowns beside the path, and found at once.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from time import perf_counter
 
@@ -56,8 +57,9 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
                 status = status_of(signal)
                 ws.stop()
             found = solution_of(ws, status, "obstacle", started)
-            if status.success and found.morse_index:
-                found = replace(found, status=Status.NOT_LEAST)
+            with suppress(ValueError):  # where the signs are not known
+                if status.success and found.morse_index:
+                    found = replace(found, status=Status.NOT_LEAST)
             if best is None or _rank(found) < _rank(best):
                 best, hint = found, ws.hint
     except OutOfTime:  # on the way to a path between given events
