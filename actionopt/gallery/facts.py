@@ -131,7 +131,7 @@ def _joints(s: Subject) -> Rows:
     facts, solution = s.scene.facts, s.solution
     times = [event.t for event in solution.problem.through]
     for k, (known, t) in enumerate(zip(facts.event_times or (), times, strict=False), 1):
-        yield _numbers(say("time of event {k} between", k=k), known, t, "s")
+        yield _numbers(say("time of event {k} between", k=k), known, t, s.units.time)
     multipliers = facts.integral_multipliers or ()
     for known, kappa in zip(multipliers, solution.problem.kappa, strict=bool(multipliers)):
         yield _numbers(say("multiplier κ"), known, float(kappa), "")

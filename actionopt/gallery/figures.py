@@ -460,6 +460,8 @@ def _mesh(s: Subject, figure: Any) -> tuple[str, str]:
         error=number(s.solution.error, 2), **values,
     )  # fmt: skip
     return alt, say(
-        "{elements} polynomials in time {degrees}, {nodes} nodes; the estimated error is {error}.",
+        "One polynomial {degrees}, {nodes} nodes; the estimated error is {error}."
+        if mesh.elements == 1
+        else "{elements} polynomials {degrees}, {nodes} nodes; the estimated error is {error}.",
         nodes=mesh.nodes.size, error=number(s.solution.error, 2), **values,
     )  # fmt: skip

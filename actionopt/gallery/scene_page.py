@@ -251,9 +251,9 @@ def _principle(s: Subject, words: Texts) -> str:
         "coordinate",
         "forced": "A force Q, which is not in the Lagrangian, stands beside it in the equations of "
         "Lagrange and d'Alembert. For each coordinate",
-        "bent": "Of all paths between the two events that have the velocities given there this one "
-        "makes the integral of L stationary, whose accelerations count. For each coordinate, by "
-        "Euler and Poisson",
+        "bent": "Of all paths between the two events with the derivatives that are given there, if "
+        "any, this one makes the integral of L, in which accelerations count, stationary. For each "
+        "coordinate, by Euler and Poisson",
     }
     which = (
         "forced" if s.has_forces else "held" if system.m else "touching" if s.touches else "least"
@@ -377,7 +377,7 @@ def _parameters(s: Subject, known: Mapping[str, str]) -> str:
         )
         for key, row in values.items()
     ]
-    return table(say("Parameters"), ("", say("value"), say("unit")), rows)
+    return table(say("Parameters"), ("", say("value"), say("unit")), rows) if rows else ""
 
 
 def _events(s: Subject) -> str:
@@ -393,9 +393,21 @@ def _events(s: Subject) -> str:
         )
         for k, name in enumerate(names)
     ]
+    for order in range(1, s.solution.problem.system.order):
+        rates = [e.rates[order - 1 : order] or (None,) for e in s.solution.problem.joints]
+        for k, name in enumerate(names):
+            known = [rate and rate[k] for (rate,) in rates]
+            if any(x is not None for x in known):
+                shown = ("" if x is None else number(x, digits) for x in known)
+                rows.append((symbol(name + order * "'"), *shown, _rate_unit(s, name, order)))
     at = [say("at {t} s" if s.units.time else "at t = {t}", t=number(x, digits)) for x in t]
     title = say("The events") if s.between else say("The two events")
     return table(title, ("", *at, say("unit")), rows)
+
+
+def _rate_unit(s: Subject, name: str, order: int) -> str:
+    unit, time = s.units.coordinate(name), s.units.time
+    return units.html(f"{unit or 1}/{time}" + f"^{order}" * (order > 1)) if time else ""
 
 
 def _known_part(s: Subject) -> str:
@@ -436,7 +448,9 @@ def _result_part(s: Subject) -> str:
         (
             say("mesh"),
             say(
-                "{elements} elements, {nodes} nodes",
+                "1 element, {nodes} nodes"
+                if solution.mesh.elements == 1
+                else "{elements} elements, {nodes} nodes",
                 elements=solution.mesh.elements, nodes=solution.mesh.nodes.size,
             ),
         ),

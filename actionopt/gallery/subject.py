@@ -133,7 +133,7 @@ class Subject:
         """Return coordinates in words, with units, the first four of them."""
         names = self.solution.problem.system.coordinates
         parts = [
-            f"{letter(n)} = {number(x, 3)} {self.units.coordinate(n)}"
+            f"{letter(n)} = {number(x, 3)} {self.units.coordinate(n)}".rstrip()
             for n, x in zip(names, q, strict=True)
         ]
         more = say(" and {count} more", count=len(parts) - 4) if len(parts) > 4 else ""

@@ -10,7 +10,8 @@ from collections.abc import Collection, Sequence
 from actionopt.tools.formula import PRIME, Formula, formula
 from actionopt.tools.greek import GREEK
 
-DOTS = "&#x2D9;", "&#xA8;", "&#x20DB;", "&#x20DC;"  # over a symbol: time derivatives
+# Over a symbol: time derivatives. Combining marks of three and four dots land beside their letter.
+DOTS = "&#x2D9;", "&#xA8;", 3 * "&#x2D9;", 4 * "&#x2D9;"
 LETTERS = {"w": "omega", "lamda": "lambda"}  # how a name of the code is written in a book
 FUNCTIONS = "sin cos tan arcsin arccos arctan sinh cosh tanh log".split()
 VECTORS = ("r", "v", "Q")

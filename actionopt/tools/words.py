@@ -31,8 +31,15 @@ def say(text: str, **values: Any) -> str:
     'Zeit'
     >>> say("at {t} s", t=2)
     'at 2 s'
+
+    The blank before a value that is empty, as the unit of a pure number is, is left out:
+
+    >>> say("{x} {unit}, the same", x=2, unit="")
+    '2, the same'
     """
     text = table(_current.get()).get(text, text)
+    for name in (key for key, value in values.items() if value == ""):
+        text = text.replace(f" {{{name}}}", "")
     return text.format(**values) if values else text
 
 

@@ -330,7 +330,7 @@ import numpy as np
 t = np.linspace(0, 2 * np.pi, 20001)
 T, V = np.sin(t) ** 2 / 2, np.cos(t) ** 2 / 2
 kinetic, potential = (np.trapezoid(E, t) / (2 * np.pi) for E in (T, V))
-S = abs(np.trapezoid(T - V, t))
+S = round(np.trapezoid(T - V, t), 12) + 0.0  # without round-off
 print(kinetic, potential, "J, S =", S, "J s")
 """,
             "{kinetic:.4g} J and {potential:.4g} J: the same, and so S = {S:.0f} J s.",

@@ -137,18 +137,16 @@ MARKS = {  # what is said of a number that was typed in
 }
 UNREAD = "Type a number, such as {x}."
 EXAMPLE = 0.25  # of a number that can be typed
-ROUNDED_OFF = 1e-18  # in the units of the exercises: round-off
 
 
 def _guess(k: int, exercise: Exercise, value: float) -> str:
     """Return the field in which a number is typed before the answer is seen; it needs guess.js."""
     unit = say("degrees") if exercise.unit == "degrees" else exercise.unit
-    digits = number(value if abs(value) > ROUNDED_OFF else 0.0, 3)
-    shown = f"{digits} {unit}".strip().replace("^2", "\N{SUPERSCRIPT TWO}")
+    shown = f"{number(value, 3)} {unit}".strip().replace("^2", "\N{SUPERSCRIPT TWO}")
     words = {mark: say(text, x=shown) for mark, text in MARKS.items()}
     words["unread"] = say(UNREAD, x=number(EXAMPLE))
     return f"""<form class="guess" id="guess-{k}" data-value="{value!r}"
-data-words="{escape(json.dumps(words))}" hidden><label>{say(exercise.label)}
+data-words="{escape(json.dumps(words))}" hidden><label>{typeset(say(exercise.label))}
 <input type="text" inputmode="decimal" autocomplete="off"> {typeset(unit)}</label>
 <button>{say("Compare")}</button>
 <button type="button" class="quiet" data-give>{say("I have none")}</button>

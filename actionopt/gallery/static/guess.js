@@ -1,15 +1,16 @@
 // Exercises: a number is typed in before the answer is seen, and marked against the one computed.
 (() => {
   "use strict";
-  const RIGHT = 0.02, NEAR = 0.2, NOTHING = 1e-9; // of the number; a number that is zero
+  const RIGHT = 0.02, NEAR = 0.2; // of the number
+  const RAISED = "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079";
   const { address } = globalThis.actionopt;
   const read = (text) => {
-    const plain = text.trim().replace(/[\u2212\u2013]/g, "-").replace(",", ".").replace(/\s*[\u00d7x*\u00b7]\s*10\^?/, "e");
+    const plain = text.trim().replace(/[\u2212\u2013\u207b]/g, "-").replace(/[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]/g, (x) => RAISED.indexOf(x)).replace(",", ".").replace(/\s*[\u00d7x*\u00b7]\s*10\^?/, "e");
     return plain === "" ? NaN : Number(plain);
   };
   const verdict = (x, known) => {
     if (!Number.isFinite(x)) return "unread";
-    if (Math.abs(known) < NOTHING) return Math.abs(x) < RIGHT ? "right" : "wrong";
+    if (known === 0) return Math.abs(x) < RIGHT ? "right" : "wrong";
     const off = Math.abs(x / known - 1), other = Math.abs(-x / known - 1);
     return off <= RIGHT ? "right" : off <= NEAR ? "near" : other <= NEAR ? "sign" : "wrong";
   };

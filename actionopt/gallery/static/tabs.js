@@ -10,12 +10,12 @@
       tab.textContent = heading.dataset.tab;
       for (const [name, value] of Object.entries({ type: "button", role: "tab", id: `tab-${k + 1}`, "aria-controls": panel.id })) tab.setAttribute(name, value);
       for (const [name, value] of Object.entries({ role: "tabpanel", "aria-labelledby": tab.id, tabindex: 0 })) panel.setAttribute(name, value);
-      tab.addEventListener("click", () => { show(k); address.set("part", k ? panel.id : null); });
+      tab.addEventListener("click", () => choose(k));
       tab.addEventListener("keydown", (event) => {
         const to = { ArrowRight: k + 1, ArrowLeft: k - 1, Home: 0, End: panels.length - 1 }[event.key];
         if (to === undefined) return;
         event.preventDefault();
-        show((to + panels.length) % panels.length);
+        choose((to + panels.length) % panels.length);
         tabs[(to + panels.length) % panels.length].focus();
       });
       list.append(tab);
@@ -32,6 +32,10 @@
         tab.tabIndex = k === at ? 0 : -1;
         panels[k].classList.toggle("unseen", k !== at);
       });
+    }
+    function choose(at) {
+      show(at);
+      address.set("part", at ? panels[at].id : null);
     }
     show(Math.max(0, panels.findIndex((panel) => address.get("part") === panel.id)));
   });
