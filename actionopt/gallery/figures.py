@@ -122,6 +122,10 @@ IF_BENT: Rule = (
     lambda s: s.solution.problem.system.order > 1,
     "Neighbours of paths whose Lagrangian contains accelerations are not drawn yet.",
 )
+IF_HELD: Rule = (
+    lambda s: bool(s.between) or s.solution.problem.integral is not None,
+    "Neighbours of paths with events between their ends, or a given integral, are not drawn yet.",
+)
 IF_LENGTH: Rule = (
     lambda s: s.scene.measure is not None,
     "The Lagrangian is no kinetic energy less a potential one.",
@@ -151,6 +155,7 @@ IF_TOUCHING: Rule = (
     "A motion from its start knows of no obstacle, and leaves the path where they meet.",
 )
 UNLESS_TOUCHING: Rule = (lambda s: not s.touches, None)
+IF_ALONE = IF_FORCED, IF_BENT, IF_HELD, IF_IN_CONTACT  # no neighbours to be drawn
 
 
 # -- figures ---------------------------------------------------------------------------------
@@ -193,9 +198,7 @@ def _kind(
     return add
 
 
-@_kind(
-    "The path among its neighbours", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT, IF_NOT_PLANE
-)
+@_kind("The path among its neighbours", IN_PRINCIPLE, *IF_ALONE, IF_NOT_PLANE)
 def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     plot.bundle(s.solution, figure.subplots(), units=s.units)
     rise = plot.bundle_data(s.solution).rise
@@ -224,9 +227,7 @@ def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     )
 
 
-@_kind(
-    "The action along two variations", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT, IF_SEVERAL
-)
+@_kind("The action along two variations", IN_PRINCIPLE, *IF_ALONE, IF_SEVERAL)
 def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     plot.slices(s.solution, figure.subplots(), units=s.units)
     least = s.solution.kind == "minimum"
@@ -244,7 +245,7 @@ def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     )  # fmt: skip
 
 
-@_kind("The action as a landscape", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT)
+@_kind("The action as a landscape", IN_PRINCIPLE, *IF_ALONE)
 def _landscape(s: Subject, figure: Any) -> tuple[str, str]:
     plot.landscape(s.solution, figure.subplots(), units=s.units)
     rise = plot.landscape_data(s.solution).rise
@@ -266,7 +267,7 @@ def _index(s: Subject) -> str:
     return say("The path is a {kind} of Morse index {index}.", kind=kind, index=index)
 
 
-@_kind("Paths from one event", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT, IF_NOT_PLANE)
+@_kind("Paths from one event", IN_PRINCIPLE, *IF_ALONE, IF_NOT_PLANE)
 def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     plot.fan(s.solution, figure.subplots(), units=s.units)
     data = plot.fan_data(s.solution)
@@ -287,7 +288,7 @@ def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     )
 
 
-@_kind("The second variation as the path grows", IN_PRINCIPLE, IF_FORCED, IF_BENT, IF_IN_CONTACT)
+@_kind("The second variation as the path grows", IN_PRINCIPLE, *IF_ALONE)
 def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
     plot.spectrum(s.solution, figure.subplots(), units=s.units)
     index = s.solution.morse_index
@@ -376,15 +377,7 @@ def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say("H {span}.", span=H)
 
 
-@_kind(
-    "Fronts of equal action",
-    IN_MOTION,
-    IF_FORCED,
-    IF_BENT,
-    IF_IN_CONTACT,
-    IF_NOT_PLANE,
-    IF_CONSTRAINED,
-)
+@_kind("Fronts of equal action", IN_MOTION, *IF_ALONE, IF_NOT_PLANE, IF_CONSTRAINED)
 def _fronts(s: Subject, figure: Any) -> tuple[str, str]:
     plot.wavefronts(s.solution, figure.subplots(), units=s.units)
     alt = say(

@@ -394,20 +394,15 @@ def _events(s: Subject) -> str:
         for k, name in enumerate(names)
     ]
     for order in range(1, s.solution.problem.system.order):
-        rates = [e.rates[order - 1 : order] or (None,) for e in s.solution.problem.joints]
+        rates = [e.rates[order - 1 : order] for e in s.solution.problem.joints]
         for k, name in enumerate(names):
-            known = [rate and rate[k] for (rate,) in rates]
+            known = [r[0][k] if r and r[0] else None for r in rates]
             if any(x is not None for x in known):
                 shown = ("" if x is None else number(x, digits) for x in known)
-                rows.append((symbol(name + order * "'"), *shown, _rate_unit(s, name, order)))
+                rows.append((symbol(name + order * "'"), *shown, ""))  # of scenes without units
     at = [say("at {t} s" if s.units.time else "at t = {t}", t=number(x, digits)) for x in t]
     title = say("The events") if s.between else say("The two events")
     return table(title, ("", *at, say("unit")), rows)
-
-
-def _rate_unit(s: Subject, name: str, order: int) -> str:
-    unit, time = s.units.coordinate(name), s.units.time
-    return units.html(f"{unit or 1}/{time}" + f"^{order}" * (order > 1)) if time else ""
 
 
 def _known_part(s: Subject) -> str:
