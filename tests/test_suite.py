@@ -264,6 +264,15 @@ def test_the_lower_minimum_of_the_figure_of_eight_is_known():
 
 
 @pytest.mark.slow
+def test_random_starts_of_the_long_chain_lead_lower_than_others():
+    problem = suite.get("chain_long")
+    assert problem.lowest == pytest.approx(291.48017, abs=1e-5)
+    lowest = min(problem.others, key=lambda s: s.f)
+    assert problem.residual(lowest.x) < ROUND_OFF and problem.violation(lowest.x) < ROUND_OFF
+    assert problem.known_by["f_lowest"].endswith("and 60 random starts of Ipopt")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n, family in suite.FAMILIES.items() if family.why])
 def test_what_is_said_to_be_hard_for_ipopt_is(name):
     problem = suite.get(name)

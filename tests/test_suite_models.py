@@ -604,7 +604,7 @@ def length_of_string(centres, sides, ends):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "pegs"])
+@pytest.mark.parametrize("name", ["disc", "discs", "pegs"])
 def test_each_choice_of_sides_has_its_minimum(name):
     problem = suite.get(name)
     found, numbers = ways(problem), problem.scene.facts.numbers
@@ -617,6 +617,7 @@ def test_each_choice_of_sides_has_its_minimum(name):
         assert way.f == pytest.approx(exact, rel=1e-3) and way.index == 0
         assert problem.residual(way.x) < 1e-9
     points = [way.x for way in found.values()]
+    assert score(problem, [s.x for s in (problem.optimum, *problem.others)]) == 1.0
     assert score(problem, points[:1]) == 1 / len(found)
     assert score(problem, points) == 1.0
     with pytest.raises(ValueError, match="expected a member with discs"):

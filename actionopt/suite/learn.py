@@ -1,6 +1,7 @@
 """Find stationary points that are not known, and keep them; a module to be run.
 
-Those of a file of results, or what Ipopt comes to from random starts on the members named:
+Those of a file of results, or what Ipopt comes to from random starts on the members named, and all
+ways past discs, where these are in the way:
 
     python -m actionopt.suite.learn results.jsonl
     python -m actionopt.suite.learn kepler chain
@@ -22,6 +23,7 @@ from actionopt.suite.member import Stationary
 from actionopt.suite.problem import SEED, TestProblem
 from actionopt.suite.runner import load
 from actionopt.suite.verdict import SAME_POINT
+from actionopt.suite.ways import centres, ways
 from actionopt.tools.files import rounded, write
 from actionopt.tools.types import Array
 
@@ -32,6 +34,7 @@ RANDOM_WAVES, RANDOM_AMPLITUDES = (
     (0.3, 1.0, 3.0),
 )  # of random starts, in the coordinates' sizes; ad hoc
 MOST_KEPT = 16  # points that random starts come to: the lowest minima first
+MOST_NUMBERS = 7000  # in all points of one member: the file is a part of the package
 
 
 def learn(records: Iterable[Mapping[str, Any]], file: Path = known.KNOWN_FILE) -> int:
@@ -63,15 +66,15 @@ def is_new(problem: TestProblem, x: Array, others: Iterable[Array]) -> bool:
 
 
 def search(problem: TestProblem, starts: int = RANDOM_STARTS) -> Iterator[dict[str, Any]]:
-    """Yield what Ipopt comes to from random starts, the optimum too: as `learn` takes it."""
-    found: list[Stationary] = []
+    """Yield what Ipopt comes to from random starts, the optimum and all ways, for `learn`."""
+    found: list[Stationary] = [*ways(problem).values()] if centres(problem) else []
     for x in random_starts(problem, starts):
         end = solvers.run("ipopt", problem, x).x
         near = problem.nearest(end, SAME_POINT) if np.all(np.isfinite(end)) else None
         if near and near.index is not None and is_new(problem, near.x, [s.x for s in found]):
             found.append(near)
     found.sort(key=lambda s: (s.index, s.f))
-    for point in (problem.optimum, *found[:MOST_KEPT]):
+    for point in (problem.optimum, *found[: min(MOST_KEPT, MOST_NUMBERS // problem.n)]):
         yield {
             "problem": problem.name,
             "elements": problem.mesh.elements,

@@ -28,17 +28,20 @@ def ways(problem: TestProblem) -> dict[tuple[int, ...], Stationary]:
     Of a member with discs one behind the other: disc, discs and pegs. Raises ValueError for another
     one, and if the mesh is too coarse.
     """
-    numbers = problem.scene.facts.numbers
-    centres = [
-        (numbers[f"x{i}"], numbers[f"y{i}"]) for i in range(len(numbers)) if f"x{i}" in numbers
-    ]
-    if not centres:
+    discs = centres(problem)
+    if not discs:
         raise ValueError(f"expected a member with discs: disc, discs or pegs, found {problem.name}")
     found = {
-        sides: _way(problem, np.array(centres), np.array(sides))
-        for sides in itertools.product((1, -1), repeat=len(centres))
+        sides: _way(problem, np.array(discs), np.array(sides))
+        for sides in itertools.product((1, -1), repeat=len(discs))
     }
     return dict(sorted(found.items(), key=lambda way: way[1].f))
+
+
+def centres(problem: TestProblem) -> list[tuple[float, float]]:
+    """Return where the centres of the discs are that are in the way; none of most members."""
+    numbers = problem.scene.facts.numbers
+    return [(numbers[f"x{i}"], numbers[f"y{i}"]) for i in range(len(numbers)) if f"x{i}" in numbers]
 
 
 def _way(problem: TestProblem, centres: Array, sides: Array) -> Stationary:
