@@ -445,3 +445,13 @@ def test_a_pulse_that_moves_is_not_lost_by_the_mesh(w):
     c = np.array(found.values)
     exact = 0.5 + c - (c - c**2 - w / np.sqrt(2 * np.pi)) / 2
     assert found.actions == pytest.approx(exact, abs=1e-7)
+
+
+def test_a_pulse_of_the_time_alone_counts_in_the_action():
+    """It moves no path: a body goes straight, and S has its integral besides."""
+    width = 8.7e-3
+    system = ao.System(lambda q, v, t: v @ v / 2 - 2 * np.exp(-(((t - 0.655) / width) ** 2)), ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(0.5, [1.0]))
+    found = ao.trace(problem, "t1", 1.5, tol=1e-9)
+    exact = 1 / 3 - 2 * width * np.sqrt(np.pi)
+    assert found.values[-1] == 1.5 and found.actions[-1] == pytest.approx(exact, rel=1e-8)

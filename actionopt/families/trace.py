@@ -456,10 +456,12 @@ class _TraceRun:
         return mesh is not tr.mesh
 
     def _misses(self, tr: Transcription, z: Array) -> bool:
-        """Whether forces that depend on the time, summed over other points, move the path."""
+        """Whether what depends on the time, summed over other points, moves the path or changes S."""
         structure = tr.problem.system.structure
         if not (structure.samples and structure.depends_on_time):
             return False
+        if tr.missed_action(z) > self.tol:
+            return True
         step = Factors(tr.layout, tr.kkt(z)).solve(tr.quadrature_defect(z)[0])
         return tr.relative_step(step) > self.tol
 
