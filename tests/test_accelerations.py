@@ -667,3 +667,29 @@ def test_all_shapes_of_a_buckled_beam():
     assert sorted(shapes.indices) == [0, 0, 1]
     left, right = (shape(0.5)[0] for shape in list(shapes)[:2])
     assert left == pytest.approx(-right, abs=1e-7)
+
+
+def test_derivatives_of_the_action_of_a_beam_on_a_circle():
+    """S by the times and the places of its ends, against differences of S in the angle."""
+    circle = ao.System(lambda q, v, a, t: a @ a / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+
+    def on_circle(t, angle, speed):
+        c, s = np.cos(angle), np.sin(angle)
+        return ao.Event(t, [c, s], v=[-speed * s, speed * c])
+
+    def solved(x, end=1.0):
+        problem = ao.Problem(circle, on_circle(0.0, x[0], 0.3), on_circle(end, 1 + x[1], 0.5))
+        return ao.solve(problem, tol=1e-10)
+
+    h, start, end = 1e-3, np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    found = solved((0.0, 0.0)).sensitivity()
+    by_time = (solved((0, 0), 1 + h).action - solved((0, 0), 1 - h).action) / (2 * h)
+    assert found.t1 == pytest.approx(by_time, rel=1e-4)
+    ends = h * (start + end), h * (start - end)
+    across = sum(
+        k * solved(s * x).action for k, x in zip((1, -1), ends, strict=True) for s in (1, -1)
+    )
+    tangent = [np.array([-np.sin(a), np.cos(a), -w * np.cos(a), -w * np.sin(a)])
+               for a, w in ((0.0, 0.3), (1.0, 0.5))]  # fmt: skip
+    assert tangent[0] @ found.q0q1 @ tangent[1] == pytest.approx(across / (4 * h * h), rel=1e-4)
+    assert np.abs(found.q0q0).max() < 100

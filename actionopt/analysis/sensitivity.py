@@ -20,11 +20,12 @@ from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, condense, curvature, tangent
 from actionopt.discrete.bordered import equations_of
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_times, jumps_of
+from actionopt.discrete.end_times import jumps_of
 from actionopt.discrete.factors import Factors, product
 from actionopt.discrete.layout import BorderedLayout, border_matrix
 from actionopt.discrete.stretch import explicit
 from actionopt.discrete.surfaces import reactions, surface_at
+from actionopt.mechanics.course import jet_normals
 from actionopt.mechanics.events import RATES
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
@@ -45,7 +46,8 @@ class Sensitivity:
     zero; where it lies on a surface it moves with that, at its `parameters`, too. With
     constraints, events may move only along the surface, and first derivatives are to be combined
     with motions that do. Where L contains accelerations, velocities at the events stand behind the
-    coordinates in all of them: q0 (2 n,), q0q0 (2 n, 2 n), and so on for higher derivatives.
+    coordinates in all of them: q0 (2 n,), q0q0 (2 n, 2 n), and so on for higher derivatives;
+    under constraints all have about half of the path's digits.
 
     Attributes
     ----------
@@ -91,14 +93,14 @@ class Sensitivity:
 
 @one_thread
 def sensitivity(
-    at: DiscretePath, error: float, momenta: tuple[Array, Array], jumps: tuple[Array, Array]
+    at: DiscretePath, error: float, momenta: tuple[Array, Array], impulses: Array, times: Array
 ) -> Sensitivity:
     """Return the derivatives of the action of a path by its events and parameters.
 
-    `error` is the path's, `momenta` those at its ends, (n,) each, `jumps` those of momentum (k, n)
-    and energy (k,) at the events between. Raises ValueError for a path in
-    contact with an obstacle, and for non-conservative forces: S is then no function of the ends
-    that the momenta would be derivatives of.
+    `error` is the path's, `momenta` those at its ends, (n,) each, `impulses` (k, n) what momenta
+    jump by at the events between, and `times` dS/dt of all events, (k + 2,). Raises ValueError for a
+    path in contact with an obstacle, and for non-conservative forces: S is then no function of the
+    ends that the momenta would be derivatives of.
 
     References
     ----------
@@ -113,7 +115,7 @@ def sensitivity(
         )
     problem = at.problem
     second = second_through(at) if problem.is_course else _second_alone(at, error)
-    found = slopes(at, momenta, jumps)
+    found = slopes(at, momenta, impulses, times)
     for row, k in ((found["q0"], 0), (found["q1"], -1)):
         places = problem.joints[k].places(problem.system.order)
         row[[i for i, x in enumerate(places) if x is None]] = 0.0
@@ -126,7 +128,7 @@ def sensitivity(
 
 
 def slopes(
-    at: DiscretePath, momenta: tuple[Array, Array], jumps: tuple[Array, Array]
+    at: DiscretePath, momenta: tuple[Array, Array], impulses: Array, times: Array
 ) -> dict[str, Array]:
     """Return the first derivatives of S: by "q0", "q1" (n,), "times" (k + 2,), "through_q" (k, n).
 
@@ -134,8 +136,7 @@ def slopes(
     """
     tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
     system, place = problem.system, tr.place(at.x)
-    times = by_times(at)
-    times[1:-1] = jumps[1]
+    times = times.copy()
     lam = at.lam[node_of]
     by_parameters = explicit(system)(place.at, place.v, tr.times, problem.packed, lam)[1]
     packed = np.sum(tr.weight * by_parameters, axis=0)
@@ -144,7 +145,7 @@ def slopes(
         assert system.clock is not None
         packed = packed + steps @ system.clock.moving(inner, problem.packed)
     joints = problem.joints
-    by_place = np.concatenate([-momenta[0][None], -jumps[0], momenta[1][None]])
+    by_place = np.concatenate([-momenta[0][None], -impulses, momenta[1][None]])
     for row, event in zip(by_place[1:-1], joints[1:-1], strict=True):
         row[[i for i, x in enumerate(event.places(system.order)) if x is None]] = 0.0
     for k, event in enumerate(joints):
@@ -253,7 +254,9 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
     )
     equations, y = equations_of(asked.replace(start=start, end=end), at)
     planes = [np.eye(n)] * 2
-    if order == 1:
+    if order > 1 and problem.system.m:
+        planes = _planes_of_rates(at)
+    elif order == 1:
         planes = tangent(problem, at.Q[[0, -1]], at.mesh.nodes[[0, -1], None], np.ones(n))
     layout = equations.layout
     number = (layout.inner if isinstance(layout, BorderedLayout) else layout).number
@@ -285,6 +288,16 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
         first.T @ hessian[:cut, cut:] @ last,
         last.T @ hessian[cut:, cut:] @ last,
     )
+
+
+def _planes_of_rates(at: DiscretePath) -> list[Array]:
+    """Return what constraints leave of coordinates and rates at both ends, columns (n r, k)."""
+    system, found = at.problem.system, []
+    for k, t in ((0, at.mesh.boundaries[0]), (-1, at.mesh.boundaries[-1])):
+        y = np.concatenate([at.Q[k], *(x[k] for x in at.rates[: system.order - 1])])
+        normals = np.array(jet_normals(system)(y, t, at.problem.packed))
+        found.append(np.linalg.svd(normals)[2][len(normals) :].T)
+    return found
 
 
 def _unpack(system: System, packed: Array) -> dict[str, Array]:

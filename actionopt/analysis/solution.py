@@ -277,6 +277,16 @@ class Solution:
         return _read_only(np.array(p), np.array(H))
 
     @property
+    def time_slopes(self) -> Array:
+        """dS/dt by the times of all events at fixed coordinates, (k + 2,): H0, jumps of H, -H1."""
+        times = by_times(self.discrete)
+        times[1:-1] = self.energy_jumps
+        if self.problem.system.order > 1 and self.problem.system.m:
+            # Their rows hold f in the mean over functions of an element's own time.
+            times[[0, -1]] = self.energy(self.discrete.mesh.boundaries[[0, -1]]) * (1, -1)
+        return times
+
+    @property
     def integral_multipliers(self) -> Array:
         """The multipliers kappa (c,) of S + kappa.(int g dt - value): dS/dvalue = -kappa."""
         return self.problem.kappa
@@ -591,7 +601,7 @@ class Solution:
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
-        return sensitivity(self.discrete, self.error, self.momenta, self.jumps)
+        return sensitivity(self.discrete, self.error, self.momenta, self.impulses, self.time_slopes)
 
     def action_function(self) -> ca.Function:
         """Return the discrete action on the mesh of this path as a CasADi function.

@@ -456,7 +456,7 @@ class _TraceRun:
         return mesh is not tr.mesh
 
     def _misses(self, tr: Transcription, z: Array) -> bool:
-        """Whether what depends on the time, summed over other points, moves the path or changes S."""
+        """Whether what depends on the time, summed at other points, moves the path or changes S."""
         structure = tr.problem.system.structure
         if not (structure.samples and structure.depends_on_time):
             return False

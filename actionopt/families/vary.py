@@ -175,7 +175,7 @@ def slope_along(solution: Solution, names: Iterable[Name]) -> list[float]:
     forced, free_time = problem.system.structure.forced, problem.original.free_time
     if forced or problem.system.r or free_time or not solution.success:
         return [np.nan] * len(names)
-    known = slopes(solution.discrete, solution.momenta, solution.jumps)
+    known = slopes(solution.discrete, solution.momenta, solution.impulses, solution.time_slopes)
     known |= {"t0": known["times"][0], "t1": known["times"][-1]}
     return [float(slope(problem, known, name)) for name in names]
 

@@ -187,13 +187,31 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
             )
 
 
+def rates_of_constraints(system: System) -> list[ca.SX]:
+    """Return the constraints and their rates that motions keep of what an event may give."""
+    rows = [system.f]
+    for _ in range(1, system.order):
+        rows.append(rate_of(system, rows[-1]))
+    return rows
+
+
+def jet_normals(system: System) -> ca.Function:
+    """Return by what constraints hold q and its rates below the order: (m r, n r) at (y, t, p)."""
+
+    def build() -> ca.Function:
+        known = ca.vertcat(*jet_of(system)[: system.order])
+        rows = ca.jacobian(ca.vertcat(*rates_of_constraints(system)), known)
+        arguments = [known, system.symbols.t, system.symbols.p]
+        return ca.Function("jet_normals", arguments, [ca.densify(rows)])
+
+    return system.memoize("jet normals", build)
+
+
 def check_rates_on_constraints(problem: Any) -> None:
     """Raise ValueError where what is given at an event leads off the constraints' surface."""
     system, order = problem.system, problem.system.order
-    rows, jet = system.f, jet_of(system)
-    for k in range(order):
-        rows = rate_of(system, rows) if k else rows
-        known = ca.vertcat(*jet[: k + 1])
+    for k, rows in enumerate(rates_of_constraints(system)):
+        known = ca.vertcat(*jet_of(system)[: k + 1])
         size = ca.fabs(ca.jacobian(rows, known)) @ ca.fabs(known)
         arguments = [known, system.symbols.t, system.symbols.p]
         function = ca.Function("rates", arguments, [rows, size])
