@@ -98,8 +98,8 @@ def sensitivity(
     """Return the derivatives of the action of a path by its events and parameters.
 
     `error` is the path's, `momenta` those at its ends, (n,) each, `impulses` (k, n) what momenta
-    jump by at the events between, and `times` dS/dt of all events, (k + 2,). Raises ValueError for a
-    path in contact with an obstacle, and for non-conservative forces: S is then no function of the
+    jump by at the events between, and `times` dS/dt of all events, (k + 2,). Raises ValueError for
+    a path in contact with an obstacle, and for non-conservative forces: S is then no function of the
     ends that the momenta would be derivatives of.
 
     References
