@@ -99,8 +99,8 @@ def sensitivity(
 
     `error` is the path's, `momenta` those at its ends, (n,) each, `impulses` (k, n) what momenta
     jump by at the events between, and `times` dS/dt of all events, (k + 2,). Raises ValueError for
-    a path in contact with an obstacle, and for non-conservative forces: S is then no function of the
-    ends that the momenta would be derivatives of.
+    a path in contact with an obstacle, and for non-conservative forces: S is then no function of
+    the ends that the momenta would be derivatives of.
 
     References
     ----------

@@ -7,11 +7,10 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from actionopt.suite.models.fields import MOST_ROUNDS, STEP_OF_ROUND_OFF
 from actionopt.suite.models.model import KnownAnswer, WrittenModel
 from actionopt.tools.types import Array
 
-MOST_ROUNDS = 100  # of Newton's method; about ten are needed
-STEP_OF_ROUND_OFF = 1e-13  # a step of Newton's method that is round-off
 CYCLOID_POINTS = 2001  # for a guess
 
 

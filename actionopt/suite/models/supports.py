@@ -7,7 +7,7 @@ import numpy as np
 
 from actionopt.suite.models.model import KnownAnswer, WrittenModel
 
-NEAREST = 0.1  # of an outer support to the middle
+NEAREST_SUPPORT = 0.1  # of an outer support to the middle
 MOST_LOAD = 10.0  # with which a is 0.17: beyond 19 it would be nearer than that
 
 
@@ -46,7 +46,7 @@ def beam_on_supports(*, load: float = 0.0) -> WrittenModel:
         ca.vertcat(a, b, F, most),
         most,
         rows,
-        bounds=(np.append([NEAREST, NEAREST], -none), np.append([1.0, 1.0], none)),
+        bounds=(np.append([NEAREST_SUPPORT, NEAREST_SUPPORT], -none), np.append([1.0, 1.0], none)),
         rows=(np.append(np.zeros(3), -none[:3]), 0.0),
         unit=np.append([1.0, 1.0], np.full(4, mean)),
         names=("a", "b", "F1", "F2", "F3", "most"),
