@@ -700,3 +700,49 @@ def test_the_other_side_of_a_disc():
     above, below = sol(0.5)[1], curve(0.5)[1]
     assert above > 0.9 and below < -0.9
     assert curve([0.0, 1.0]) == pytest.approx(sol([0.0, 1.0]))
+
+
+def turn(radius):
+    """Return a guess once round the origin."""
+    return lambda t: radius * np.stack([np.sin(2 * np.pi * t), np.cos(2 * np.pi * t)])
+
+
+def test_a_belt_begins_on_a_surface():
+    """Round discs of the radii R and r, d apart: tangents, and the angles in contact."""
+    R, r, d = 1.0, 0.5, 3.0
+    tilt = np.arcsin((R - r) / d)
+    length = 2 * np.sqrt(d**2 - (R - r) ** 2) + R * (np.pi + 2 * tilt) + r * (np.pi - 2 * tilt)
+    start = ao.Event(0.0, None, on=lambda q, t: q[0] - 1.3)
+    problem = ao.Problem(body(disc(), disc(d, 0.0, r)), start, ao.Periodic(1.0))
+    sol = ao.solve(problem, guess=lambda t: np.array([[1.5], [0]]) + 3 * turn(1.0)(t))
+    assert sol.action == pytest.approx(length**2 / 2, rel=1e-8)
+    assert sol.start.q[0] == pytest.approx(1.3, abs=1e-8)
+    assert sol.momenta[1] == pytest.approx(sol.momenta[0], rel=1e-8)
+    assert sol.problem.original.start.on is not None and sol.morse_index == 0
+
+
+@pytest.mark.parametrize("x", [0.0, 0.6])
+def test_a_belt_begins_in_contact(x):
+    start = ao.Event(0.0, None, on=lambda q, t: q[0] - x)
+    problem = ao.Problem(body(disc()), start, ao.Periodic(1.0))
+    sol = ao.solve(problem, guess=turn(1.4), throw=False)
+    assert sol.success and sol.action == pytest.approx(2 * np.pi**2, rel=1e-8)
+    assert np.abs(sol.start.q) == pytest.approx([x, np.sqrt(1 - x**2)], abs=1e-8)
+
+
+@pytest.mark.parametrize("x, guess, why", [(9.0, 1.4, "not meet it"), (0.0, 0.1, "to a point")])
+def test_a_belt_that_cannot_begin_on_its_surface(x, guess, why):
+    start = ao.Event(0.0, None, on=lambda q, t: q[0] - x)
+    problem = ao.Problem(body(disc(0.0), disc(5.0)), start, ao.Periodic(1.0))
+    away = np.array([[0.0], [0.0 if guess > 1 else 3.0]])
+    with pytest.raises(ao.SolveError, match=why):
+        ao.solve(problem, guess=lambda t: away + turn(guess)(t))
+
+
+def test_closed_paths_from_surfaces_along_obstacles_are_refused_in_words():
+    moving = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1 - t)
+    with pytest.raises(ValueError, match="to have no clock"):
+        ao.Problem(moving, ao.Event(0.0, None, on=lambda q, t: q[0]), ao.Periodic(1.0))
+    for q, on in (([0.0, None], lambda q, t: q[1] - 1), (None, lambda q, t: [q[0], q[1] - 1])):
+        with pytest.raises(ValueError, match="expected one condition"):
+            ao.Problem(body(disc()), ao.Event(0.0, q, on=on), ao.Periodic(1.0))

@@ -100,6 +100,20 @@ def check_surfaces(problem: Any) -> None:
     """Raise ValueError where what an event lies on does not fit the rest of the question."""
     ends = problem.start, problem.end
     both = problem.free_time and problem.start.t is None and problem.end.t is None
+    if problem.advance is not None and problem.system.r:
+        if problem.system.with_contact.structure.depends_on_time:
+            raise ValueError(
+                "expected a closed path along an obstacle that begins on a surface to have no "
+                "clock, found the time in the Lagrangian or the obstacle; leave out `on`, or the "
+                "time"
+            )
+        given = ends[0].on.count + sum(x is not None for x in ends[0].q)
+        if given > 1:
+            raise ValueError(
+                "expected one condition on where a closed path along an obstacle begins, found "
+                f"{given}: a path that may begin anywhere along itself passes no given point in "
+                "general; give one expression of on, and no coordinate"
+            )
     for role, event in (("start", ends[0]), ("end", ends[1])):
         on, free = event.on, [i for i, x in enumerate(event.q) if x is None]
         if on is None:

@@ -21,8 +21,10 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_arguments, curve, read_guess
+from actionopt.solver.begun_along import begin_along
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.durations import oscillations, turning_waypoints
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
@@ -81,6 +83,9 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     if not problem.has_free_boundary:
         yield revise_all(problem, guess, choices)
         return
+    if problem.original.is_joined and problem.system.r:
+        yield _from_anywhere(problem.original, guess, choices)
+        return
     if problem.original.is_joined:
         yield _through(problem.original, guess, choices)
         return
@@ -126,6 +131,13 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         return
     if last is None:
         yield solve_free_boundary(problem, None, choices)
+
+
+def _from_anywhere(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return a closed path along an obstacle, found from a free start and begun on its surface."""
+    free = problem.replace(start=Event(problem.start.t, [None] * problem.system.n))
+    found = first_acceptable(free, guess, choices)
+    return begin_along(problem, found[0], choices) if found[0].success else found
 
 
 def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
