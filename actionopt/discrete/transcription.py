@@ -93,6 +93,8 @@ class Transcription(Action):
 
     def missed_action(self, z: Array) -> float:
         """Return by how much another quadrature changes S, relative to that of |L|."""
+        if not self.problem.system.structure.adds_time:
+            return 0.0
         x = z[: self.layout.unknowns]
         return float(second_quadrature.missed_action(self, self.between_nodes, x).sum())
 
