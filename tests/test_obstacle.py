@@ -746,3 +746,10 @@ def test_closed_paths_from_surfaces_along_obstacles_are_refused_in_words():
     for q, on in (([0.0, None], lambda q, t: q[1] - 1), (None, lambda q, t: [q[0], q[1] - 1])):
         with pytest.raises(ValueError, match="expected one condition"):
             ao.Problem(body(disc()), ao.Event(0.0, q, on=on), ao.Periodic(1.0))
+
+
+def test_a_closed_path_round_one_disc_without_a_guess_is_not_found():
+    """Nothing tells which way it should go: it shrinks to a point."""
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
+    problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(1.0))
+    assert not ao.solve(problem, throw=False).success

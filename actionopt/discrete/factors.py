@@ -61,6 +61,8 @@ class Factors:
     def __init__(self, layout: MatrixLayout, nonzeros: Array, *, many: bool = False) -> None:
         if not np.isfinite(nonzeros).all():
             raise np.linalg.LinAlgError("the matrix is not finite")
+        if isinstance(layout, BorderedLayout) and not layout.border:
+            layout = layout.inner
         self.layout, self.nonzeros = layout, nonzeros
         self._many = many
         self._accurate = False  # whether a solution was accurate before it was refined
