@@ -262,3 +262,24 @@ def test_members_of_a_sweep_whose_pulse_gets_narrower_see_it():
     kick = 0.3 * np.sqrt(np.pi) * np.exp(-(widths**2) / 4)
     exact = (0.5 - kick * np.sin(1 - c)) / np.sin(1)
     assert np.max(np.abs(runs.momenta[:, 0, 0] - exact)) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("centre", "width", "size"), [(0.7, 3e-4, 1.0), (0.70008991, 1.09e-5, 6.1)]
+)
+def test_a_pulse_beside_an_event_whose_time_is_to_be_found(centre, width, size):
+    """A free body bends at a gate half way: S is that of two straight lines, and the pulse's."""
+
+    def lagrangian(q, v, t):
+        return v @ v / 2 + size * np.exp(-(((t - centre) / width) ** 2))
+
+    lengths = np.hypot(0.3, 0.4) + np.hypot(0.7, 0.4)
+    problem = ao.Problem(
+        ao.System(lagrangian, ["x", "y"]),
+        ao.Event(0.0, [0.0, 0.0]),
+        ao.Event(1.4, [1.0, 0.0]),
+        through=[ao.Event(None, [0.3, 0.4])],
+    )
+    solution = ao.solve(problem)
+    exact = lengths**2 / (2 * 1.4) + size * width * np.sqrt(np.pi)
+    assert solution.action == pytest.approx(exact, rel=1e-8)

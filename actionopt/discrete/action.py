@@ -181,12 +181,12 @@ class Action:
         """The rates (k + 2, N + 1) at which boundaries move with the time of each event.
 
         Legs are stretched between their events. Where laws take turns they do so at the events;
-        other switches of the clock stay where they are.
+        other switches of the clock, and pulses, stay where they are.
         """
         since = self.mesh.since
         known = joints = np.searchsorted(self.mesh.offsets, self.joints)
-        if self.problem.instants:
-            known = np.union1d(joints, boundaries_at(self.mesh, self.problem.instants))
+        if self.problem.boundaries:
+            known = np.union1d(joints, boundaries_at(self.mesh, self.problem.boundaries))
         rates = (joints[:, None] == known).astype(float)
         return np.array([np.interp(since, since[known], rate) for rate in rates])
 

@@ -241,7 +241,8 @@ class Bordered:
         if self._like is not None and not (self.asked.is_joined or self._depends_on_clock):
             return self._like.over_times(problem)
         before, ends = first.problem.boundaries, (float(times[0]), float(times[-1]))
-        mesh = carry_boundaries(first.mesh, before, problem.boundaries, *ends)
+        was, now = (np.array([e.t for e in p.through]) for p in (first.problem, problem))
+        mesh = carry_boundaries(first.mesh, before, problem.boundaries, *ends, (was, now))
         last = Transcription(problem, mesh, first.lengths, like=first)
         last.counts, last.watch = first.counts, first.watch
         self._like = self._like or last

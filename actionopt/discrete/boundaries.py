@@ -12,19 +12,38 @@ SNAPPED = 0.25  # of an element: a boundary that is nearer to an instant is move
 
 
 def carry_boundaries(
-    mesh: Mesh, old: tuple[Instant, ...], new: tuple[Instant, ...], start: float, end: float
+    mesh: Mesh,
+    old: tuple[Instant, ...],
+    new: tuple[Instant, ...],
+    start: float,
+    end: float,
+    events: tuple[Array, Array] = (np.zeros(0), np.zeros(0)),
 ) -> Mesh:
     """Return the mesh on [start, end]; boundaries at the `old` instants move to the `new` ones.
 
-    Times are mapped affinely between instants, or all at once where the numbers of these differ.
+    So do those at `events`, times (k,) before and after, past whatever instants they move. Times
+    are mapped affinely between instants, or on a whole leg where the numbers of these differ there.
     """
     b, reach = mesh.since, _slack(mesh)
-    at = _inside(old, mesh.boundaries[0], mesh.duration, reach)
-    to = _inside(new, start, end - start, reach)
-    k = np.minimum(np.searchsorted(b, at - reach), b.size - 1)
-    if not at.size or at.size != to.size or np.any(np.abs(b[k] - at) > reach):
+    at, to = (
+        _inside(old, mesh.boundaries[0], mesh.duration, reach),
+        _inside(new, start, end - start, reach),
+    )
+    ends = np.r_[0, find_boundaries(mesh, events[0]), b.size - 1]
+    legs = np.r_[0.0, events[1] - start, end - start]
+    known, times = [ends], [legs]
+    for k in range(ends.size - 1):
+        here = at[(at > b[ends[k]] + 2 * reach) & (at < b[ends[k + 1]] - 2 * reach)]
+        there = to[(to > legs[k] + 2 * reach) & (to < legs[k + 1] - 2 * reach)]
+        own = np.minimum(np.searchsorted(b, here - reach), b.size - 1)
+        if here.size == there.size and np.all(np.abs(b[own] - here) <= reach):
+            known.append(own)
+            times.append(there)
+    which = np.concatenate(known)
+    if which.size == 2:
         return mesh.moved(start, end)
-    since = np.interp(b, b[np.r_[0, k, b.size - 1]], np.r_[0.0, to, end - start])
+    order = np.argsort(which)
+    since = np.interp(b, b[which[order]], np.concatenate(times)[order])
     return Mesh.over(start, end, since, mesh.degrees)
 
 

@@ -22,8 +22,8 @@ from actionopt.solver.through import objection
 from actionopt.solver.verdict import message_of
 from actionopt.tools.types import EPS, Array
 
-ROUNDOFF = 100 * EPS  # of a coordinate's size, where a path passes zero; ad hoc
-BISECTIONS = 60  # of a step between times looked at: beyond round-off
+ZERO_PLACE = 100 * EPS  # of a coordinate's size, where a path passes zero; ad hoc
+PASSAGE_BISECTIONS = 60  # of a step between times looked at: beyond round-off
 NOT_MET = "the closed path found without its surface does not meet it: move the surface"
 
 
@@ -36,7 +36,7 @@ def begin_along(problem: Problem, free: Solution, choices: Choices) -> Found:
     path = begin_later(free.path, shift, free.problem)
     q, v = path.values[:, 0], path.velocity(path.mesh.nodes[:1])[:, 0]
     size = np.abs(path.values).max(axis=1)
-    q = np.where(np.abs(q) <= ROUNDOFF * size, 0.0, q)  # else taken for the size of the motion
+    q = np.where(np.abs(q) <= ZERO_PLACE * size, 0.0, q)  # else taken for the size of the motion
     fastest = int(np.argmax(np.abs(v) / problem.scales))
     start = Event(problem.start.t, [x if i == fastest else None for i, x in enumerate(q.tolist())])
     given = Problem(problem.system, start, free.problem.end, parameters=problem.parameters)
@@ -71,7 +71,7 @@ def _first_passage(problem: Problem, free: Solution) -> float | None:
         return None
     k = int(passed[0])
     low, high = since[k], since[k + 1]
-    for _ in range(BISECTIONS):
+    for _ in range(PASSAGE_BISECTIONS):
         middle = (low + high) / 2
         same = off(np.array([middle]))[0] * values[k] > 0
         low, high = (middle, high) if same else (low, middle)

@@ -113,9 +113,11 @@ class Unfixed(Workspace[UnfixedPath]):
     def _around(self, path: Path, lam: Array | None, problem: Problem | None = None) -> UnfixedPath:
         """Return a path on its own mesh, with the equations whose phases are set near it."""
         problem = problem or self.problem
-        path = path.on(with_degrees(path.mesh, problem.system.order))
+        at = self._at_times(problem, path)
+        mesh = with_degrees(path.mesh, problem.system.order)
+        path = path.on(with_boundaries(mesh, at.boundaries) if problem.is_joined else mesh)
         with self.record.clock("assemble"):
-            size, lengths = coordinate_scales(self._at_times(problem, path), path.values.T)
+            size, lengths = coordinate_scales(at, path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
             along = [stretch_guess(problem, d).on(path.mesh).values for d in self.along]
             known = self.moves, along, like, self._times, self._kappa
@@ -231,6 +233,10 @@ class Unfixed(Workspace[UnfixedPath]):
         closes = self.problem.closes
         near = NEAR_FAMILY if closes else np.inf
         if not (self.follow(near) or (damped and self.approach(APPROACHES))):
+            return False
+        here = self.here
+        passed = self.with_boundaries(here.mesh) is not here.mesh  # by an event: a pulse
+        if passed and not self._followed_again(here.path, here.rows):
             return False
         moved = np.ptp(self.here.Q, axis=0).max()
         if closes and moved < AT_REST * np.ptp(path.values, axis=1).max():
