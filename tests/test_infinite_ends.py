@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import systems
 from helpers import a_quarter
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt.families.centres import guesses
@@ -274,3 +276,45 @@ def test_a_bounce_that_begins_next_to_another_equilibrium_is_guessed():
     whole = ao.Problem(ao.System(thin, ["phi"]), ao.Event(0.0, [None]), end)
     begin = next(guesses(for_search(whole, 1e-8), unit * rest))(np.zeros(1))[0, 0]
     assert begin / unit == pytest.approx(1.06165, abs=1e-4)  # the other is at 1.06172
+
+
+def test_from_rest_to_rest_round_a_disc():
+    """Of no energy: from either rest to a tangent of the disc, and along it, by integration."""
+    k, r, x, y = 0.58, 0.22, -0.08, -0.16
+    system = ao.System(
+        lambda q, v, t: (v @ v + (q[0] ** 2 - 1) ** 2 + k * q[1] ** 2) / 2,
+        ["x", "y"],
+        obstacle=lambda q, t: (q[0] - x) ** 2 + (q[1] - y) ** 2 - r**2,
+    )
+    sol = ao.solve(ao.Problem(system, ao.Event(-INF, [-1.0, 0.0]), ao.Event(INF, [1.0, 0.0])))
+
+    def leave(b, side):  # on the unstable manifold, (side + a exp 2t, b exp sqrt(k) t), to the disc
+        a = -side * 1e-4
+        begin = [side + a, b, 2 * a, np.sqrt(k) * b, a**2 + np.sqrt(k) * b**2 / 2]
+
+        def rates(t, z):
+            return [z[2], z[3], 2 * z[0] * (z[0] ** 2 - 1), k * z[1], z[2] ** 2 + z[3] ** 2]
+
+        def nearest(t, z):
+            return (z[0] - x) * z[2] + (z[1] - y) * z[3]
+
+        nearest.terminal, nearest.direction = True, 1
+        return solve_ivp(rates, (0, 30), begin, events=nearest, rtol=1e-10, atol=1e-13).y[:, -1]
+
+    def miss(b, side):
+        end = leave(b, side)
+        return np.hypot(end[0] - x, end[1] - y) - r
+
+    ends = [leave(brentq(miss, 1e-6, 0.1, (side,)), side) for side in (-1, 1)]
+    first, last = (np.arctan2(end[1] - y, end[0] - x) for end in ends)
+
+    def along(angle):
+        u, w = x + r * np.cos(angle), y + r * np.sin(angle)
+        return r * np.sqrt((u**2 - 1) ** 2 + k * w**2)
+
+    action = ends[0][4] + ends[1][4] + quad(along, last, first)[0]
+    assert sol.action == pytest.approx(action, rel=1e-6) and sol.morse_index == 0
+    (arc,) = sol.contacts
+    assert sol(arc.begin) == pytest.approx(ends[0][:2], abs=1e-5)
+    assert sol(arc.end) == pytest.approx(ends[1][:2], abs=1e-5)
+    assert sol(0.0)[0] == pytest.approx(0.0, abs=1e-9)  # the middle, at the time that it has else

@@ -47,7 +47,7 @@ def with_contact_times(tr: Transcription, times: Array, moves: Array) -> Transcr
             for arc in held.arcs or ()
         )
     )
-    before, now = (np.union1d(held.fixed_times, t) - held.start.t for t in (times, times + moves))
+    before, now = (np.union1d(held.knots, t) - held.start.t for t in (times, times + moves))
     before[-1] = now[-1] = held.duration
     mesh = tr.mesh.cut(np.interp(tr.mesh.since, before, now), tr.mesh.degrees)
     return Transcription(moved, mesh, tr.lengths, like=tr)
@@ -63,7 +63,7 @@ def tangency_step(
     A `force` (size,) is what its residual is to be in place of zero.
     """
     tr, count, held = equations.at(z), times.size, contacts_of(equations.at(z).problem)
-    where = np.searchsorted(held.fixed_times, times)
+    where = np.searchsorted(held.knots, times)
     # All times from one on move, so that a short part behind it keeps its length.
     shifted = (where[:, None] == where) & (np.arange(count)[:, None] >= np.arange(count))
     columns, rows, corner = contact_edges(equations, z, times)
@@ -90,7 +90,7 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
     """
     tr, count = equations.at(z), times.size
     at, b = DiscretePath(tr, z[: tr.layout.size]), tr.mesh.boundaries
-    knots = np.union1d(contacts_of(tr.problem).fixed_times, times)
+    knots = np.union1d(contacts_of(tr.problem).knots, times)
     rates = np.array([np.interp(b, knots, row) for row in np.eye(knots.size)])
     rates, late = rates[np.searchsorted(knots, times)], None
     if isinstance(equations, Bordered) and equations.late is not None:  # with log T as well
@@ -149,7 +149,7 @@ class ContactEquations:
         cut, T = self.first.layout.size, self.held.duration
         tr, theta = self.first, y[cut:]
         if theta.any():
-            knots = np.union1d(self.held.fixed_times, self.times)
+            knots = np.union1d(self.held.knots, self.times)
             after = np.interp(knots, self.times, self.times + T * theta)
             after = np.where(np.isin(knots, self.times), after, knots)
             if not (np.diff(after) > 0).all():

@@ -100,6 +100,12 @@ class Held(Problem):
         return np.array([t0, *(t for _, t in self.instants if t0 < t < t1), t1])
 
     @cached_property
+    def knots(self) -> Array:
+        """The times that stay where they are as those of contact move, in order."""
+        t0, t1 = self.start.t, self.end.t
+        return np.array([t0, *(t for _, t in self.boundaries if t0 < t < t1), t1])
+
+    @cached_property
     def contact_times(self) -> Array:
         """The times at which contact begins or ends but for the `fixed_times` ones, in order."""
         times = [t for arc in self.arcs or () for t in (arc.begin, arc.end)]

@@ -46,6 +46,7 @@ from actionopt.solver.touching import (
     runs,
     sample_times,
 )
+from actionopt.solver.window import set_phase
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import EPS, RANK, Array
 
@@ -174,9 +175,12 @@ class Along(Workspace[Iterate]):
         # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
         values = np.where(np.abs(old.Q) < IPOPT_TOLERANCE * free.lengths, 0.0, old.Q).T
         path = curve or Path(old.mesh, values)
+        apart = set_phase(free, path, arcs)
+        if apart is not free:  # not at a time at which contact may begin
+            self.problem = held = Held(apart, arcs, sought=held.sought)
         T = free.duration
         parts = [np.zeros(1)]
-        for a, b in pairwise(np.union1d(held.fixed_times, held.contact_times) - free.start.t):
+        for a, b in pairwise(np.union1d(held.knots, held.contact_times) - free.start.t):
             count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / T)), 1)
             cuts = np.linspace(a, b, count + 1)
             times, turned = normal_turns(held, path, a, b)
@@ -305,7 +309,7 @@ class Along(Workspace[Iterate]):
 
     def _within(self, times: Array, step: Array) -> float:
         """Return what part of a step lets no part shrink too much; raise where one vanishes."""
-        knots = np.union1d(self.contact_problem.fixed_times, times)
+        knots = np.union1d(self.contact_problem.knots, times)
         moves = np.zeros(knots.size)
         moves[np.searchsorted(knots, times)] = step
         lengths, changes = np.diff(knots), np.diff(moves)

@@ -102,7 +102,8 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
             solution = replace(solution, status=Status.UNRESOLVED)
             break
         here = later
-    return window.centre_excursion(window.judge_window(solution, edges)), message
+    asked = here.problem.start.phase
+    return window.centre(window.judge_window(solution, edges), asked), message
 
 
 def _on_window(problem: Problem, guess: Guess | None, choices: Choices) -> Found:

@@ -11,7 +11,7 @@ many e-foldings as are missing, and the path is followed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,6 +27,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Event, Phase, Tail
+from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.solver.descent import descend
@@ -306,32 +307,64 @@ def descend_from_saddle(solution: Solution, factors: Factors, watch: Watch | Non
     return None
 
 
-def centre_excursion(solution: Solution) -> Solution:
-    """Return a path from rest back to the same with its farthest point at t = 0."""
+def set_phase(problem: Problem, path: Path, contacts: tuple[Arc, ...]) -> Problem:
+    """Return a problem whose phase is set where a path moves free of contact, if it has a phase.
+
+    The phase holds a node at its time, and no contact can begin or end there.
+    """
+    if problem.start.phase is None or not contacts:
+        return problem
+    t = np.linspace(problem.start.t, problem.end.t, GUESS_SAMPLES)
+    metric, v = _metric(problem.rests), path.velocity(t)
+    squares = np.einsum("nk,nm,mk->k", v, metric, v)
+    away = np.min([np.maximum(arc.begin - t, t - arc.end) for arc in contacts], axis=0)
+    k = int(np.argmax(np.where(away > 0, squares * np.minimum(away, problem.duration / 4), 0.0)))
+    slow = min(known.slow for known in problem.rests if known is not None)
+    phase = _plane(metric, path(t[k]), v[:, k] / slow)._replace(t=float(t[k]))
+    start = Tail(problem.start.t, problem.start.near, -1, phase)
+    return problem.replace(start=start)
+
+
+def centre(solution: Solution, asked: Phase | None) -> Solution:
+    """Return a path shifted in time to where it is asked for, if any time will do.
+
+    From rest back to the same, its farthest point is at t = 0; else it passes the plane of the
+    phase that was `asked` at its time.
+    """
     problem = solution.problem
-    (before, after), start, end = problem.rests, problem.start, problem.end
-    if start.phase is None:
+    (before, after), phase = problem.rests, problem.start.phase
+    if phase is None or asked is None:
         return solution
     assert before is not None and after is not None
-    if not _same(before.q, after.q):
-        return solution
-    metric = -after.slope
-    t = np.linspace(start.t, end.t, GUESS_SAMPLES)
+    t = np.linspace(problem.start.t, problem.end.t, GUESS_SAMPLES)
+    if _same(before.q, after.q):
+        metric = -after.slope
 
-    def rate(t: Array) -> Array:
+        def left(t: Array) -> Array:
+            eta = solution.path(t) - after.q[:, None]
+            return np.einsum("nk,nm,mk->k", eta, metric, solution.path.velocity(t))
+
         eta = solution.path(t) - after.q[:, None]
-        return np.einsum("nk,nm,mk->k", eta, metric, solution.path.velocity(t))
+        k = int(np.argmax(np.einsum("nk,nm,mk->k", eta, metric, eta)))
+        origin = 0.0
+    elif phase == asked:
+        return solution
+    else:
+        normal, center = np.array(asked.normal), np.array(asked.center)
 
-    eta = solution.path(t) - after.q[:, None]
-    k = int(np.argmax(np.einsum("nk,nm,mk->k", eta, metric, eta)))
+        def left(t: Array) -> Array:
+            return normal @ (center[:, None] - solution.path(t))
+
+        k, origin = int(np.argmax(left(t) < 0)), asked.t
     low, high = t[max(k - 1, 0)], t[min(k + 1, t.size - 1)]
     for _ in range(HALVED):  # bisection
         middle = (low + high) / 2
-        low, high = (middle, high) if rate(np.array([middle]))[0] > 0 else (low, middle)
-    by = -(low + high) / 2
-    mesh = solution.mesh.moved(start.t + by, end.t + by)
-    phase = start.phase._replace(t=start.phase.t + by)
-    moved = problem.replace(start=Tail(start.t + by, start.near, -1, phase), end=end.at(end.t + by))
+        low, high = (middle, high) if left(np.array([middle]))[0] > 0 else (low, middle)
+    by = origin - (low + high) / 2
+    mesh = solution.mesh.moved(problem.start.t + by, problem.end.t + by)
+    phase = phase._replace(t=phase.t + by)
+    start, end = Tail(problem.start.t + by, problem.start.near, -1, phase), problem.end
+    moved = problem.replace(start=start, end=end.at(end.t + by))
     return replace(solution, problem=moved, path=Path(mesh, solution.path.values), known=None)
 
 
@@ -437,9 +470,7 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
         rest(system, packed, _place(e), t, side)
         for e, t, side in ((whole.start, t0, -1), (whole.end, t1, 1))
     ]
-    metric = (rests[0].slope - rests[1].slope) / 2
-    if not np.all(np.linalg.eigvalsh(metric) > 0):
-        metric = np.diag(np.abs(np.diagonal(metric)).clip(1e-300))
+    metric = _metric(rests)
     apart = rests[1].q - rests[0].q
     t, values = np.linspace(t0, t1, GUESS_SAMPLES), None
     if curve is not None:
@@ -459,15 +490,30 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
                 f"{-rests[0].lagrangian:.10g} and {-rests[1].lagrangian:.10g}: no path leads from "
                 "rest at one to rest at the other; change the potential, or an event"
             )
-    weight = float(apart @ metric @ apart)
-    normal, center = metric @ apart / weight, rests[0].q + apart / 2
+    phase = _plane(metric, rests[0].q + apart / 2, apart)
     shift = 0.0
     if values is not None:
+        normal, center = np.array(phase.normal), np.array(phase.center)
         passed = np.flatnonzero(normal @ (values - center[:, None]) > 0)
         k = passed[0] if passed.size else 0
         shift = float(t[k])
-    phase = Phase(0.0, tuple(normal.tolist()), tuple(center.tolist()), weight)
     return phase, shift
+
+
+def _metric(rests: Sequence[Rest | None]) -> Array:
+    """Return how the action grows away from two equilibria: positive, (n, n)."""
+    before, after = rests
+    assert before is not None and after is not None
+    metric = (before.slope - after.slope) / 2
+    if not np.all(np.linalg.eigvalsh(metric) > 0):
+        metric = np.diag(np.abs(np.diagonal(metric)).clip(1e-300))
+    return metric
+
+
+def _plane(metric: Array, center: Array, apart: Array) -> Phase:
+    """Return the phase at t = 0 on the plane through a point, across the way `apart` (n,)."""
+    weight = float(apart @ metric @ apart)
+    return Phase(0.0, tuple((metric @ apart / weight).tolist()), tuple(center.tolist()), weight)
 
 
 def _place(event: Event) -> Array:
