@@ -120,3 +120,12 @@ def test_a_path_misses_nothing_at_a_surface_that_moves_where_its_time_is_free(k)
     np.testing.assert_allclose(misses(problem, k, state, unit), 0.0, atol=1e-14)
     turned = q[:, None], -v[:, None], np.array([t])
     assert np.abs(misses(problem, k, turned, unit)).max() > 0.1
+
+
+def test_a_motion_that_collides_takes_no_steps_from_the_others():
+    kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    problem = ao.Problem(kepler, ao.Event(0.0, [0.4, 0.0]), ao.Event(9.0, [0.0, 1.0]))
+    v0 = np.array([[-2.0, 0.0, 1.2], [0.0, 2.0, 1.6]])
+    q0 = np.array([[0.4] * 3, [0.0] * 3])
+    _, last = shooting.flights(problem, q0, v0, (2.0, 9.0))
+    assert last[0].times[-1] < 0.2 and [f.times[-1] for f in last[1:]] == [9.0, 9.0]

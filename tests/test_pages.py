@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import report, scaling
+from benchmarks import constants, report, scaling
 from benchmarks.results import Results, unpacked
 from benchmarks.stress import report as stress
 
@@ -42,11 +42,15 @@ def made_again(name):
         before = json.loads(DOCS.joinpath("stress_before.json").read_text())
         both = ({k: (f["about"], unpacked(f)) for k, f in x.items()} for x in (rows, before))
         return stress.page(*both) + "\n"
+    if name == "constants.md":
+        return constants.page(rows) + "\n"
     if name == "benchmarks/scaling.md":
         return scaling.page(rows) + "\n"
     return report.page(Results(file, rows))
 
 
-@pytest.mark.parametrize("name", ["stress.md", "benchmarks/scaling.md", "benchmarks/full.md"])
+@pytest.mark.parametrize(
+    "name", ["constants.md", "stress.md", "benchmarks/scaling.md", "benchmarks/full.md"]
+)
 def test_the_raw_numbers_kept_give_the_page(name):
     assert made_again(name) == (DOCS / name).read_text()

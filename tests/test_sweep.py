@@ -531,7 +531,7 @@ WAITS = """
         return WORK(*given)
 
     WORK = module.work
-    module.SECONDS, module.MEMBER_SECONDS, module.UNKNOWN_SECONDS = 5.5, 1.0, 0.0
+    module.TASK_SECONDS, module.MEMBER_SECONDS, module.UNKNOWN_SECONDS = 5.5, 1.0, 0.0
     if __name__ == "__main__":
         module.work = slow
         over = {"g": np.linspace(9.0, 10.0, 12), "t1": np.linspace(0.7, 1.2, 6)}

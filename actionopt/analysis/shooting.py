@@ -191,20 +191,20 @@ def flights(
 ) -> Iterator[list[Flight]]:
     """Yield motions from q0 and v0 (n, K) at the start, carried on to each of the times `spans`.
 
-    Times since the start, which increase. A motion ends earlier if it does not stay finite, or when
-    they have made `MOTION_STEPS` steps in all.
+    Times since the start, which increase. A motion ends earlier if it does not stay finite, or if
+    it takes more than `MOTION_STEPS` steps from one of these times to the next, as before a
+    collision.
     """
-    t0, left = float(problem.start.t), MOTION_STEPS
+    t0 = float(problem.start.t)
     found = [Flight(np.array([t0]), *(x[:, [k]] for x in (q0, v0))) for k in range(v0.shape[1])]
     going = range(len(found))
     for T in spans:
         track: list[tuple[Array, Array, Array]] = []
-        if going and left:
+        if going:
             t, q, v = (np.stack([found[k][i][..., -1] for k in going], -1) for i in range(3))
-            most, look = {"accuracy": accuracy, "steps": left}, watch and watch.look
+            most, look = {"accuracy": accuracy, "steps": MOTION_STEPS}, watch and watch.look
             state = t, q[:, None], v[:, None]
             ends = integrate(problem, state, t0 + T - t, **most, track=track, watch=look)[0]
-            left -= len(track)
         if track:
             times, q, v = (np.array(rows) for rows in zip(*track, strict=True))
             whole: Array = np.isfinite(ends).min(axis=(0, 1))

@@ -38,8 +38,7 @@ from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import FINEST, tolerance
 from actionopt.tools.watch import OutOfTime, Watch
 
-# By principle, after what a path is followed from a nearer end: a least one was not settled.
-MISSED = {"auto": (Status.NOT_FOUND,), "least": (Status.NOT_FOUND, Status.UNRESOLVED)}
+MISSED = (Status.NOT_FOUND, Status.UNRESOLVED)  # after these a path is followed from a nearer end
 # Ad hoc.
 # The nearest end that is tried, in parts of the way or of the time; the longest and the shortest
 # step, as factors of it; tries in all; how much longer the next step is; and the accuracy on the
@@ -146,7 +145,8 @@ def follow_outwards(problem: Problem, guess: Guess | None, choices: Choices, fou
     """
     solution, message = found
     plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
-    if not (plain and solution.status in MISSED.get(choices.principle, ()) and _extends(problem)):
+    plain &= solution.status in MISSED and choices.principle != "stationary"
+    if not (plain and _extends(problem)):
         return found
     with suppress(OutOfTime, ValueError):
         far, part = _follow_to_end(problem, choices)
