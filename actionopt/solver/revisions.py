@@ -38,7 +38,6 @@ from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import FINEST, tolerance
 from actionopt.tools.watch import OutOfTime, Watch
 
-MISSED = (Status.NOT_FOUND, Status.UNRESOLVED)  # after these a path is followed from a nearer end
 # Ad hoc.
 # The nearest end that is tried, in parts of the way or of the time; the longest and the shortest
 # step, as factors of it; tries in all; how much longer the next step is; and the accuracy on the
@@ -145,8 +144,10 @@ def follow_outwards(problem: Problem, guess: Guess | None, choices: Choices, fou
     """
     solution, message = found
     plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
-    plain &= solution.status in MISSED and choices.principle != "stationary"
-    if not (plain and _extends(problem)):
+    unsettled = solution.status is Status.UNRESOLVED  # as a path round a sharp turn may be
+    unsettled &= problem.system.F is not None or choices.principle == "least"
+    lost = unsettled or solution.status is Status.NOT_FOUND
+    if not (plain and lost and choices.principle != "stationary" and _extends(problem)):
         return found
     with suppress(OutOfTime, ValueError):
         far, part = _follow_to_end(problem, choices)
@@ -172,7 +173,7 @@ def _extends(problem: Problem) -> bool:
     free = not (system.m or system.r or system.structure.forced or problem.advance is not None)
     whole = len(problem.start.pinned) == system.n == len(problem.end.pinned)
     timed = system.n == 1 and not system.structure.depends_on_time
-    return free and whole and (system.F is not None or timed)
+    return free and whole and system.order == 1 and (system.F is not None or timed)
 
 
 def _nearer(problem: Problem, part: float) -> Problem:
