@@ -27,7 +27,7 @@ from actionopt.tools.greek import letter
 from actionopt.tools.texts import read
 from actionopt.tools.words import current, language, say
 
-SCRIPTS = ("action.js", "address.js", "sentences.js", "live.js")
+SCRIPTS = ("action.js", "address.js", "sentences.js", "panel.js", "live.js")
 MINUS_SIGN = "\N{MINUS SIGN}"
 
 
