@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, scenes
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.strategies import STRATEGIES, Search
+from actionopt.solver.search import Search
+from actionopt.solver.strategies import STRATEGIES
 from actionopt.solver.workspace import Workspace
 
 
@@ -64,7 +65,7 @@ def applies(strategy, problem, principle="auto"):
     """Return whether a strategy is open to a problem, by its name."""
     ws = Workspace(problem)
     ws.transcribe(Mesh.uniform(problem.start.t, problem.end.t, 4, 6), None)
-    search = Search(ws, 1e-8, principle, None, may_be_least=principle != "stationary")
+    search = Search(ws, 1e-8, principle, None, STRATEGIES, may_be_least=principle != "stationary")
     (way,) = (way for way in STRATEGIES if way.name == strategy)
     return way.applies(search)
 

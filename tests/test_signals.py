@@ -7,6 +7,7 @@ import systems
 import actionopt as ao
 from actionopt.discrete.factors import Factors
 from actionopt.solver import strategies
+from actionopt.solver.search import EXPENSIVE, Strategy
 from actionopt.solver.solve import BY_METHOD, solve_near
 from actionopt.tools.watch import OutOfTime, Spent, Watch
 
@@ -44,7 +45,7 @@ ALL = pytest.mark.parametrize(
 )
 
 
-class Dead(strategies.Strategy):
+class Dead(Strategy):
     """A way that ends in a signal: where it is asked whether it applies, or where it is tried."""
 
     signal: Exception
@@ -84,10 +85,10 @@ def test_whether_a_way_applies_takes_derivatives(problem):
         ao.solve(problem)
 
 
-class NearAndSpent(strategies.Strategy):
+class NearAndSpent(Strategy):
     """A way that comes near a path, is lost there, and has used up what it may cost."""
 
-    cost = strategies.EXPENSIVE
+    cost = EXPENSIVE
 
     def seek(self, ws):
         assert ws.approach(strategies.PATIENT)
@@ -127,7 +128,7 @@ def singular():
 @pytest.mark.parametrize("first", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_singular_matrices_end_in_a_verdict(monkeypatch, name, first):
     problem = QUESTIONS[name]
-    monkeypatch.setattr(strategies, "BUDGET", 1000)
+    monkeypatch.setattr("actionopt.solver.search.BUDGET", 1000)
     with monkeypatch.context() as broken:
         counting(broken, first, singular)
         found = ao.solve(problem, throw=False)

@@ -11,25 +11,16 @@ from scipy.special import ellipk
 import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
 from actionopt.discrete.transcription import Transcription
+from actionopt.solver.near_guess import COARSE_GUESS, GUESS_MESHES, _fine_enough
+from actionopt.solver.search import BUDGET, Search, Strategy
 from actionopt.solver.solve import solve_near
-from actionopt.solver.strategies import (
-    BUDGET,
-    COARSE_GUESS,
-    GUESS_MESHES,
-    IPOPT,
-    MEETING_LOST,
-    STRATEGIES,
-    Root,
-    Search,
-    Strategy,
-    TwoSidedShooting,
-)
+from actionopt.solver.strategies import IPOPT, MEETING_LOST, STRATEGIES, Root, TwoSidedShooting
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.watch import Spent
 
 
 def search_for(problem, tol=1e-8, principle="auto"):
-    return Search(Workspace(problem), tol, principle, None)
+    return Search(Workspace(problem), tol, principle, None, STRATEGIES)
 
 
 def test_the_ladder_names_each_way_once():
@@ -83,10 +74,10 @@ def test_a_curved_attempt_that_fails_leaves_no_trace(monkeypatch):
     kepler = scenes.get("kepler").problem.system
     problem = Problem(kepler, Event(0.0, [1.0, 0.0]), Event(0.3, [-1.0, 0.0]))
     tried = []
-    monkeypatch.setattr(Search, "_try", lambda self, strategies: tried.append(self) or found(self))
+    monkeypatch.setattr(Search, "try_each", lambda self, strategies: tried.append(self) or found(self))
 
     def found(search):
-        mesh = search._uniform(4, 6)
+        mesh = search.uniform(4, 6)
         search.ws.transcribe(mesh, None)
         search.ws.record.iterations["newton"] += 7 if search.curved else 1
         search.ws.record.round(search.ws.here.tr, 0.0)
@@ -119,7 +110,7 @@ def test_a_guess_is_tried_on_meshes_that_show_it():
     search = search_for(problem)
 
     def tried(curve_of):
-        return tuple(mesh.elements for mesh in search._fine_enough(curve_of))
+        return tuple(mesh.elements for mesh in _fine_enough(search, curve_of))
 
     assert tried(turning(1)) == GUESS_MESHES
     assert tried(turning(10)) == GUESS_MESHES[1:]
@@ -235,7 +226,7 @@ def test_a_saddle_that_newton_finds_gives_way_to_a_least_path(principle):
 def test_a_curved_line_stays_within_the_size_of_the_motion():
     problem = scenes.get("kepler").problem
     search = search_for(problem)
-    mesh = search._uniform(8, 6)
+    mesh = search.uniform(8, 6)
     straight = Transcription(problem, mesh, problem.lengths).straight().T
     bend = (search._curved_line(mesh).values - straight) / problem.lengths[:, None]
     assert np.max(np.abs(bend[:, [0, -1]])) < 1e-15
@@ -310,7 +301,7 @@ def told(*ways, monkeypatch):
         return ao.Status.UNRESOLVED
 
     monkeypatch.setattr(Search, "_refine_saddle", lose)
-    assert not search._try(tuple(Told(*way) for way in ways)).success
+    assert not search.try_each(tuple(Told(*way) for way in ways)).success
     return search.tried
 
 

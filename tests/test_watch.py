@@ -71,7 +71,7 @@ def spent(problem, **options):
 
 
 def test_a_search_ends_when_it_has_cost_its_price_unless_it_is_given_time(monkeypatch):
-    monkeypatch.setattr("actionopt.solver.strategies.BUDGET", 500)
+    monkeypatch.setattr("actionopt.solver.search.BUDGET", 500)
     limited, timed = spent(bratu()), spent(bratu(), seconds=1e3)
     assert limited["continuation"] == pytest.approx(500, abs=10)
     assert not limited["meeting"]

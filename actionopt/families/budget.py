@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from actionopt.solver.strategies import BUDGET
+from actionopt.solver.search import BUDGET
 
 # Budget of searches in vain, whatever was solved. One takes 7,000 to 12,000 with one coordinate,
 # and one that succeeds 1,200 to 2,800 where Newton's method from the line does not. Measured on

@@ -1,6 +1,6 @@
 """Paths between events at given times: find one on a coarse mesh, then follow it to the tolerance.
 
-Finding (`strategies`) and following (`refine`) are different work, on the same path (`iterate`).
+Finding (`search`) and following (`refine`) are different work, on the same path (`iterate`).
 *Finding* starts from the straight line, or from a guess. *Following* is Newton's: each refinement
 round interpolates the path on a better mesh and polishes it there, always the same path.
 """
@@ -29,10 +29,12 @@ from actionopt.solver.arguments import Guess, check_arguments
 from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.least_along import find_least_along
+from actionopt.solver.near_guess import follow_guess, follow_neighbour
 from actionopt.solver.obstacle import Along
 from actionopt.solver.refine import settle_on
+from actionopt.solver.search import CURVED_STRATEGIES, Search, Strategy
 from actionopt.solver.signals import SIGNALS, status_of
-from actionopt.solver.strategies import CURVED_STRATEGIES, IPOPT, STRATEGIES, Search, Strategy
+from actionopt.solver.strategies import IPOPT, STRATEGIES
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import COARSEST
@@ -171,7 +173,7 @@ def _search(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
             ws.many = search.given is None or search.given is guess.mesh
             if (problem.packed == guess.problem.packed).all():
                 ws.units, ws.checked = guess.discrete.tr, True
-                status = search.from_neighbour(guess)
+                status = follow_neighbour(search, guess)
     if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
         return status
     if ws.linear and search.strategies is not IPOPT:
@@ -181,4 +183,4 @@ def _search(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
     seen = None
     if not callable(guess):  # waypoints
         seen = Mesh.uniform(problem.start.t, problem.end.t, np.shape(guess)[-1] - 1, 1)
-    return search.from_guess(curve_of, seen)
+    return follow_guess(search, curve_of, seen)

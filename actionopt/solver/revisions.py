@@ -24,13 +24,13 @@ from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.family import LOST, softest_condition
 from actionopt.solver.on_surface import points
+from actionopt.solver.search import Search
 from actionopt.solver.strategies import (
     CHEAP,
     DESCENT_COORDINATES,
     GUESS_ONLY,
     IPOPT,
     STRATEGIES,
-    Search,
 )
 from actionopt.solver.unfixed import solve_free_boundary
 from actionopt.solver.verdict import message_of, solution_of

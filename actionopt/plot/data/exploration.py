@@ -20,8 +20,8 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.trial import Trial, move_node, straight, trial_at
 from actionopt.solver.arguments import Guess
+from actionopt.solver.search import REACHED
 from actionopt.solver.solve import solve
-from actionopt.solver.strategies import REACHED
 from actionopt.tools.shown import one_line
 
 LONGEST_CONTINUED = 3.0  # durations of the first problem, to which its motion is continued

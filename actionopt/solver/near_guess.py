@@ -1,0 +1,186 @@
+"""Find the path near a guess: follow it, settle next to it, or continue from what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.resolution import Resolution, cheapest_mesh, resolution
+from actionopt.solver.first_mesh import COARSE_DEGREE
+from actionopt.solver.iterate import sizes
+from actionopt.solver.search import REACHED, Search
+from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT, PATIENT
+from actionopt.solver.workspace import FOLLOWED_REACH, ROUGHLY
+
+GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
+# Elements tried before. Measured on chains, bodies and lattices: half the time, at any tolerance.
+COARSE_GUESS = (4, 8)
+# Unknowns and rows from which a rough path settles on its surface before Newton's method is tried,
+# which takes three factorizations to fail; ad hoc: from there one takes a seventh of a second.
+SETTLED_FIRST = 20_000
+# Omitted coefficients of a guess that a mesh resolves, flat; refinements of one that does not.
+GUESS_RESOLUTION, GUESS_ROUNDS = 1e-3, 4
+
+
+def follow_neighbour(search: Search, neighbour: Solution) -> Status:
+    """Follow a path of the system as its ends move to these, where nothing else differs."""
+    ws, problem, old = search.ws, search.ws.problem, neighbour.problem
+    same = (
+        (old.start.t, old.end.t) == (problem.start.t, problem.end.t)
+        and (old.start.pinned, old.end.pinned) == (problem.start.pinned, problem.end.pinned)
+        and old.advance is None is problem.advance
+        and search.given in (None, neighbour.mesh)
+    )
+    search.begin("linear" if ws.linear else "guess")
+    if not same or not ws.continue_from(neighbour.discrete):
+        return Status.NOT_FOUND
+    near = (not ws.astray and ws.follow()) or ws.approach(PATIENT)
+    return search.refine() if near else Status.NOT_FOUND
+
+
+def follow_guess(
+    search: Search, curve_of: Callable[[Mesh], Path], seen: Mesh | None = None
+) -> Status:
+    """Follow the guess, or find the stationary path near it, or continue from it.
+
+    Of the guess only the nodes of `seen` are known, if it is given.
+    """
+    search.begin("guess")
+    status = _from_few(search, curve_of)
+    if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+        return status
+    meshes = _fine_enough(search, curve_of)
+    settled: Path | None = None  # what became of the guess on a mesh that may be too coarse
+    for coarse in meshes:
+        curve = settled or curve_of(coarse)
+        own = curve.mesh is not coarse and coarse.elements == GUESS_MESHES[0]
+        mesh = search.given or (curve.mesh if own else coarse)
+        search.ws.transcribe(mesh, curve, like=curve)
+        near = _near(search)
+        if not near and search.strategies is not IPOPT:
+            settled = search.ws.here.path
+        if not near and coarse is meshes[0]:
+            found = _quickly_past(search, curve_of(seen or coarse))
+            if found in REACHED:
+                return found
+        near = near or _continue(search, far=coarse in (meshes[0], meshes[-1]))
+        if near:
+            status = search.refine()
+            if status is not Status.UNRESOLVED:
+                break
+    return status
+
+
+def _quickly_past(search: Search, seen: Path) -> Status:
+    """Seek a path by quick ways from nothing, if it passes near the nodes of the guess `seen`.
+
+    A guess of few points that misses the turns of a motion leads nowhere by itself.
+    """
+    if search.strategies in (IPOPT, GUESS_ONLY) or search.given is not None:
+        return Status.NOT_FOUND
+    other = Search(search.ws.again(), search.tol, search.principle, None, CHEAP)
+    other.may_be_least = search.wants_least
+    status = other.try_each(CHEAP)
+    if status in REACHED:
+        here = other.ws.here
+        away = np.abs(here.path(seen.mesh.nodes) - seen.values).max(axis=1)
+        if np.any(away > FOLLOWED_REACH * here.sizes):
+            return Status.NOT_FOUND
+        search.take(other)
+    return status
+
+
+def _from_few(search: Search, curve_of: Callable[[Mesh], Path]) -> Status:
+    """Follow the guess on few elements that show all of it."""
+    ws = search.ws
+    if search.given is not None or search.strategies is IPOPT:
+        return Status.NOT_FOUND
+    fine = search.uniform(GUESS_MESHES[0], COARSE_DEGREE)
+    curve = curve_of(fine)
+    if curve.mesh is not fine:
+        return Status.NOT_FOUND
+    hidden = GUESS_RESOLUTION * sizes(curve.values.T, ws.problem.scales)[:, None]
+    for elements in COARSE_GUESS:
+        few = curve_of(search.uniform(elements, search.fine_degree()))
+        if np.all(np.abs(few.on(fine).values - curve.values) <= hidden):
+            ws.transcribe(few.mesh, few, like=few)
+            near = _settles(search) and ws.here.rough < ROUGHLY
+            return search.refine() if near else Status.NOT_FOUND
+    return Status.NOT_FOUND
+
+
+def _near(search: Search) -> bool:
+    """Move the iterate at hand to the stationary path near it."""
+    ws, first = search.ws, search.ws.here
+    if search.strategies is IPOPT:
+        return ws.root()
+    if _settles(search):
+        return True
+    settled = ws.here
+    if ws.problem.system.m:  # damped steps may leave the surface, and come to another path
+        for here in (settled, first):
+            ws.here = here
+            if ws.approach(PATIENT):
+                return True
+        ws.here = settled
+    return False
+
+
+def _continue(search: Search, *, far: bool) -> bool:
+    """Continue from the iterate at hand; `far` by what takes longest, too.
+
+    That is worth it on the first mesh, and on the one that shows most of the guess.
+    """
+    ws = search.ws
+    if search.strategies in (IPOPT, GUESS_ONLY):
+        return False
+    return ws.root() or (far and not ws.large and ws.homotopy())
+
+
+def _settles(search: Search) -> bool:
+    """Move the iterate at hand to the stationary path next to it, as far as that is quick."""
+    ws = search.ws
+    if ws.problem.system.m == 0:
+        return ws.follow() or ws.approach(PATIENT) or ws.settle()
+    if ws.here.tr.layout.size < SETTLED_FIRST:
+        return ws.follow() or ws.settle()
+    first = ws.here  # its multipliers lead astray, as a rule
+    if ws.settle():
+        return True
+    settled, ws.here = ws.here, first
+    if ws.follow():
+        return True
+    ws.here = settled
+    return False
+
+
+def _fine_enough(search: Search, curve_of: Callable[[Mesh], Path]) -> list[Mesh]:
+    """Return the meshes to try: uniform ones that resolve the guess, or else one made for it.
+
+    A motion of many turns is lost on a mesh that misses them; a kink is resolved by none.
+    """
+    meshes = [search.uniform(elements, COARSE_DEGREE) for elements in GUESS_MESHES]
+    for k, mesh in enumerate(meshes):
+        curve = curve_of(mesh)
+        shown = _resolution_of(search, curve)
+        if curve.mesh is not mesh or shown.worst < GUESS_RESOLUTION:
+            return meshes[k:]
+    for _ in range(GUESS_ROUNDS):  # a core may be far shorter than the way
+        mesh = cheapest_mesh(shown, GUESS_RESOLUTION / 2)
+        if mesh.nodes.size > meshes[-1].nodes.size:
+            break
+        shown = _resolution_of(search, curve_of(mesh))
+        if shown.worst < GUESS_RESOLUTION:
+            return [mesh, *meshes]
+    return meshes
+
+
+def _resolution_of(search: Search, curve: Path) -> Resolution:
+    """Return what the mesh of a curve resolves of it."""
+    values = curve.values.T
+    return resolution(curve.mesh, values, sizes(values, search.ws.problem.scales))
