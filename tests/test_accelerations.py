@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt.discrete.bordered import Bordered
@@ -415,8 +416,6 @@ def test_what_is_refused_is_told():
     with pytest.raises(ValueError, match="its arguments in this order"):
         ao.System(lambda q, a, v, t: a[0] ** 2, ["x"])
     path = between(SPLINE, (0, [0], [0]), (1, [1], [0]))
-    with pytest.raises(ValueError, match="found one that contains accelerations"):
-        ao.conjugate_points(path)
     with pytest.raises(ValueError, match="elements of degree 3 at least"):
         ao.solve(path.problem, mesh=ao.Mesh.uniform(0, 1, 4, 2))
 
@@ -667,6 +666,102 @@ def test_all_shapes_of_a_buckled_beam():
     assert sorted(shapes.indices) == [0, 0, 1]
     left, right = (shape(0.5)[0] for shape in list(shapes)[:2])
     assert left == pytest.approx(-right, abs=1e-7)
+
+
+def column(w, v0, **more):
+    """Return a path of a column under the load w^2, L = (a^2 - w^2 v^2) / 2, over a time of 7."""
+    system = ao.System(lambda q, v, a, t: (a[0] ** 2 - (w * v[0]) ** 2) / 2, ["x"])
+    ends = ao.Event(0, [0.0], v=v0), ao.Event(7, [1.0], v=[0.0])
+    return ao.solve(ao.Problem(system, *ends, **more), tol=1e-11)
+
+
+def roots(function, T=7.0):
+    """Return where a function changes its sign in (0.3, T)."""
+    t = np.linspace(0.3, T, 5000)
+    changes = np.flatnonzero(np.diff(np.sign(function(t))))
+    return [brentq(function, t[k], t[k + 1], xtol=1e-14) for k in changes]
+
+
+@pytest.mark.parametrize("v0", [[0.3], None])
+def test_conjugate_points_of_a_column(v0):
+    """Neighbours are sums of 1, t, cos wt and sin wt; held or hinged where they start."""
+    w = 2.0
+    path = column(w, v0)
+    if v0 is None:  # t and sin wt
+        known = roots(lambda t: np.sin(w * t) - w * t * np.cos(w * t))
+    else:
+        known = roots(lambda t: 2 * (1 - np.cos(w * t)) - w * t * np.sin(w * t))
+    points = ao.conjugate_points(path)
+    assert [point.t for point in points] == pytest.approx(known, abs=1e-9)
+    assert sum(point.multiplicity for point in points) == path.morse_index == len(known)
+
+
+def test_conjugate_points_of_a_column_that_is_held_on_the_way():
+    """At the time 2 neighbours vanish, with a kink in their shear force."""
+    w = 2.0
+    path = column(w, [0.3], through=[ao.Event(2.0, [0.4])])
+
+    def left(t):
+        """Return what is left of 1 - cos, wt - sin and, after the event, of wt' - sin wt'."""
+        rows = [
+            [1 - np.cos(w * t), w * np.sin(w * t)],
+            [w * t - np.sin(w * t), w * (1 - np.cos(w * t))],
+        ]
+        s = np.maximum(t - 2.0, 0.0)
+        rows.append([w * s - np.sin(w * s), w * (1 - np.cos(w * s))])
+        held = [1 - np.cos(w * 2.0), w * 2.0 - np.sin(w * 2.0)]
+        at = held[1] * np.array(rows[0]) - held[0] * np.array(rows[1])
+        return at[0] * rows[2][1] - at[1] * rows[2][0]
+
+    free = roots(lambda t: 2 * (1 - np.cos(w * t)) - w * t * np.sin(w * t), 2.0)
+    known = free + [t for t in roots(left) if t > 2.001]
+    points = ao.conjugate_points(path)
+    assert [point.t for point in points] == pytest.approx(known, abs=1e-9)
+    assert len(points) == path.morse_index
+
+
+def test_conjugate_points_of_a_beam_on_a_circle_are_those_of_its_angle():
+    """L = (theta''^2 - w^2 theta'^2) / 2: a column again."""
+    w = 7.0
+    plane = ao.System(
+        lambda q, v, a, t: (a @ a - (v @ v) ** 2 - w**2 * (v @ v)) / 2,
+        ["x", "y"],
+        constraint=lambda q, t: (q @ q - 1) / 2,
+    )
+    known = roots(lambda t: 2 * (1 - np.cos(w * t)) - w * t * np.sin(w * t), 1.0)
+    turn = lambda t: np.array([np.cos(0.1 + 0.2 * t), np.sin(0.1 + 0.2 * t)])  # noqa: E731
+    path = ao.solve(ao.Problem(plane, on_ring(0, 0.1, 0.3), on_ring(1, 0.3, -0.2)), guess=turn)
+    points = ao.conjugate_points(path)
+    assert [point.t for point in points] == pytest.approx(known, abs=1e-6)
+    assert len(points) == path.morse_index == 1
+
+
+def test_modes_are_those_of_a_clamped_beam():
+    path = between(SPLINE, (0, [0], [0]), (2, [1], [0]))
+    found = ao.second_variation(path, 3)
+    known = roots(lambda b: np.cos(b) - 1 / np.cosh(b), 12.0)  # cos b cosh b = 1
+    assert found.eigenvalues == pytest.approx((np.array(known) / 2) ** 4, rel=1e-7)
+    t, weight = np.polynomial.legendre.leggauss(60)
+    first, second = (mode(t + 1)[0] for mode in found.modes[:2])
+    assert [first**2 @ weight, second**2 @ weight] == pytest.approx([1, 1], abs=1e-8)
+    assert first * second @ weight == pytest.approx(0, abs=1e-8)
+    gated = ao.solve(
+        ao.Problem(SPLINE, ao.Event(0, [0]), ao.Event(2, [1]), through=[ao.Event(1, [2])])
+    )
+    lowest = ao.second_variation(gated, 1)  # hinged at 0, 1, 2: a whole wave
+    assert lowest.eigenvalues == pytest.approx([math.pi**4], rel=1e-7)
+    assert lowest.modes[0](1.0) == pytest.approx(0, abs=1e-9)
+
+
+def test_tables_have_the_momenta_of_each_derivative():
+    path = between(SPLINE, (0, [0], [0]), (1, [1], [0]))
+    t = np.array([0.0, 0.3, 1.0])
+    table, found = path.to_dataframe(t), path.to_xarray(t)
+    assert list(table) == ["x", "v_x", "a_x", "p_x", "p_v_x", "energy"]
+    for name, known in (("v", 6 * t - 6 * t**2), ("a", 6 - 12 * t), ("p", 12), ("p_v", 6 - 12 * t)):
+        np.testing.assert_allclose(table[f"{name}_x"], known + 0 * t, atol=1e-9)
+        np.testing.assert_allclose(found[name][0], known + 0 * t, atol=1e-9)
+    assert ao.solve(path.problem, guess=table).action == pytest.approx(6)
 
 
 def test_derivatives_of_the_action_of_a_beam_on_a_circle():

@@ -228,3 +228,28 @@ def test_a_soap_film_that_is_a_cylinder():
     found = ao.solve(ao.Problem(film, *ends, integral=7 * np.pi))
     assert found.action == pytest.approx(14 * np.pi)
     assert found.morse_index == 1
+
+
+@pytest.mark.parametrize("k", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_conjugate_points_and_modes_of_a_state(k):
+    """Neighbours of sin wt: A sin wt + B t cos wt, of which int eta sin wt dt = 0."""
+    w = k * np.pi
+    string = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["y"], integral=lambda q, v, t: q[0] ** 2)
+    problem = ao.Problem(string, ao.Event(0, [0.0]), ao.Event(1, [0.0]), integral=1)
+    path = ao.solve(problem, guess=lambda t: [np.sqrt(2) * np.sin(w * t)], tol=1e-11)
+
+    def left(t):
+        c, s = np.cos(w * t), np.sin(w * t)
+        squares, crossed = t / 2 - s * c / (2 * w), s * c / (4 * w**2) + t * (s**2 - c**2) / (4 * w)
+        return s * crossed - t * c * squares
+
+    t = np.linspace(0.1, 1, 3000)
+    known = [
+        brentq(left, t[i], t[i + 1], xtol=1e-14) for i in np.flatnonzero(np.diff(np.sign(left(t))))
+    ]
+    points = ao.conjugate_points(path)
+    assert [p.t for p in points] == pytest.approx(known, abs=1e-8)
+    assert len(points) == path.morse_index == k - 1
+    others = np.array([j for j in range(1, 5) if j != k])  # the norm keeps it as it is
+    modes = ao.second_variation(path, 3)
+    assert modes.eigenvalues == pytest.approx(np.pi**2 * (others**2 - k**2), rel=1e-8)

@@ -327,7 +327,6 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
         ao.Problem(cast(Any, [FREE] * 3), *ends, through=between)
     found = ao.solve(ao.Problem(FREE, *ends, through=between))
     for ask in (
-        lambda: ao.second_variation(found),
         lambda: spectrum_data(found),
         lambda: fan_data(found),
         lambda: fronts_data(found),
@@ -335,6 +334,14 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
         with pytest.raises(ValueError, match="without events between its ends"):
             ask()
     assert found.parts[0].sensitivity().q1 == pytest.approx(found.parts[0].momenta[1])
+
+
+def test_modes_through_an_event_vanish_where_it_pins_them():
+    ends = ao.Event(0, [0, 0]), ao.Event(1, [1, 0])
+    found = ao.solve(ao.Problem(FREE, *ends, through=[ao.Event(0.5, [1, None])]))
+    modes = ao.second_variation(found, 3)  # sin pi t in y; half waves in x, or a whole one
+    assert modes.eigenvalues / np.pi**2 == pytest.approx([1, 4, 4], rel=1e-9)
+    assert modes.modes[0]([0.25, 0.5])[1] ** 2 == pytest.approx([1, 2], rel=1e-9)
 
 
 @pytest.mark.parametrize("through", [None, ao.Event(0.5, [0, 0])])

@@ -6,14 +6,19 @@ singular, with multiplicity m, exactly where m of the phases theta_k are multipl
 convex in the velocities a phase passes a multiple of pi only upwards: roots of even multiplicity
 are counted like any other, and none is missed once the phases are followed closely enough. For
 one coordinate theta is Pruefer's angle.
+
+Where L contains accelerations, or integrals are given, they are the times at which the index of
+the part up to t grows: eigenvalues of d2S on variations that vanish from t on only fall with t.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from actionopt.analysis.full_form import FORM_ROUNDS, form_until
 from actionopt.analysis.index import NEAR_ZERO, tolerance_of
 from actionopt.analysis.jacobi import fields, resolve
 from actionopt.analysis.passage import begin, carry, pinned
@@ -21,8 +26,7 @@ from actionopt.analysis.regular import regular_index
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
-from actionopt.mechanics.course import check_free
-from actionopt.mechanics.problem import Periodic
+from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
@@ -34,6 +38,8 @@ MATCHED_PHASE = np.pi / 4
 CLOSEST_TIMES = 1e-9  # no closer ones are compared
 BACKWARDS = 1e-6  # phases seem to pass a root backwards by rounding, and by no more
 SAME_ROOT = 1e-8  # roots this close are one, of higher multiplicity
+# How far times move that have settled; and under constraints, whose multipliers have fewer digits.
+SETTLED_TIMES, SETTLED_HELD = 1e-9, 1e-5
 ILLINOIS_STEPS = 100  # never reached: superlinear, ten are many
 
 
@@ -53,21 +59,25 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     the neighbours start with that momentum zero. A free end has no part in them. Along a path
     through events the neighbours satisfy their conditions: they pass where and when these let them.
 
-    Raises ValueError for a closed path, one with given integrals, for non-conservative forces,
-    where L is not convex in the velocities, or where the constraints are not independent.
+    Where integrals are given the neighbours keep them from the start to t*. Where L contains
+    accelerations neighbours meet the path with its velocity.
+
+    Raises ValueError for a closed path, for non-conservative forces, where L is not convex in the
+    velocities, or where the constraints are not independent.
 
     References
     ----------
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 26-29; V. I. Arnold, *Funct.
     Anal. Appl.* 1 (1967), p. 1, for the phases.
     """
-    check_free(question(solution), "a conjugate point")
     if isinstance(question(solution).end, Periodic):
         raise ValueError(
             "expected a path from one event to another, found one that closes: its start varies "
             "with its end, and no times conjugate to it number the index (`morse_index` counts "
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
+    if solution.problem.system.order > 1 or solution.problem.integral is not None:
+        return _together(_falls(solution), solution.problem)
     at, error = solution.discrete, solution.error
     whole = len(at.problem.end.pinned) == at.problem.system.n and not solution.problem.through
     if whole and regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) == 0:
@@ -89,8 +99,12 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
         phases, before = Phases(form, plane), form
         roots += _roots(phases)
         plane = phases.last
-    start, end = solution.problem.start.t, solution.problem.end.t
-    close = SAME_ROOT * (end - start)
+    return _together(roots, solution.problem)
+
+
+def _together(roots: list[float], problem: Problem) -> tuple[ConjugatePoint, ...]:
+    """Return the points at times of which some may be one, of higher multiplicity."""
+    close = SAME_ROOT * (problem.end.t - problem.start.t)
     groups: list[list[float]] = []
     for t in sorted(roots):
         if groups and t - groups[-1][-1] <= close:
@@ -98,6 +112,38 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
         else:
             groups.append([t])
     return tuple(ConjugatePoint(float(np.mean(g)), len(g)) for g in groups)
+
+
+def _falls(solution: Solution) -> list[float]:
+    """Return each time up to which one more eigenvalue of d2S has fallen to zero.
+
+    On elements that are halved if the times move by that.
+    """
+    start, end = solution.problem.start.t, solution.problem.end.t
+    settled = SETTLED_HELD if solution.problem.system.m else SETTLED_TIMES
+    tolerance, near = solution.inertia.tolerance, settled * (end - start)
+    found: list[float] = []
+    for rounds in range(FORM_ROUNDS):
+        known: dict[float, Array] = {}
+
+        def miss(t: float, k: int, rounds: int = rounds, known: dict = known) -> float:
+            if t not in known:
+                known[t] = form_until(solution, t, rounds).relative()
+            return -float(known[t][k]) if k < known[t].size else -1.0
+
+        count = int(miss(end, 0) >= -tolerance) and int(np.sum(known[end] <= tolerance))
+        if rounds and count == len(found):
+            inside = [(k, t) for k, t in enumerate(found) if t < end - near]
+            if all(miss(t - near, k) < 0 <= miss(t + near, k) for k, t in inside):
+                break
+        found = [end] * count
+        for k in range(count):
+            if miss(end, k) > tolerance:
+                a = max((t for t in known if miss(t, k) < 0), default=start)
+                b = min(t for t in known if miss(t, k) >= 0)
+                at_a = miss(a, k) if a > start else -1.0  # on short times rates are all there is
+                found[k] = _root(lambda t, k=k: miss(t, k), a, at_a, b, miss(b, k))
+    return found
 
 
 class Phases:
@@ -210,7 +256,10 @@ def _roots(phases: Phases) -> list[float]:
                 stack += [(middle, at_middle, b, at_b), (a, at_a, middle, at_middle)]
                 continue
             for i in np.flatnonzero(lifted >= np.pi):
-                roots.append(_root(phases, a, at_a, b, int(i), lifted[i] - np.pi))
+                miss = lambda t, at_a=at_a, i=i: (  # noqa: E731
+                    float(_lift(at_a, phases(np.array([t]))[0])[0][i] - np.pi)
+                )
+                roots.append(_root(miss, a, float(at_a[i] - np.pi), b, float(lifted[i] - np.pi)))
     if t1 in singular:
         return roots
     # A root at the very end may fall behind it by rounding.
@@ -221,24 +270,23 @@ def _roots(phases: Phases) -> list[float]:
     return roots + [float(t1)] * int(np.sum(beyond))
 
 
-def _root(phases: Phases, a: float, at_a: Array, b: float, i: int, miss_b: float) -> float:
-    """Return the time in (a, b] at which phase i, continued from a, is pi (Illinois method)."""
-    low, high, miss_a = a, b, float(at_a[i] - np.pi)
-    side = 0
+def _root(miss: Callable[[float], float], a: float, at_a: float, b: float, at_b: float) -> float:
+    """Return the time in (a, b] at which a function passes zero upwards (Illinois method)."""
+    low, high, side = a, b, 0
     for _ in range(ILLINOIS_STEPS):
-        if high - low <= 4e-16 * max(abs(low), abs(high)) or miss_b == 0:
+        if high - low <= 4e-16 * max(abs(low), abs(high)) or at_b == 0:
             break
-        t = (low * miss_b - high * miss_a) / (miss_b - miss_a)
+        t = (low * at_b - high * at_a) / (at_b - at_a)
         t = t if low < t < high else (low + high) / 2
-        miss = float(_lift(at_a, phases(np.array([t]))[0])[0][i] - np.pi)
-        if miss >= 0:
-            high, miss_b = t, miss
-            miss_a = miss_a / 2 if side == 1 else miss_a
+        now = miss(t)
+        if now >= 0:
+            high, at_b = t, now
+            at_a = at_a / 2 if side == 1 else at_a
             side = 1
         else:
-            low, miss_a = t, miss
-            miss_b = miss_b / 2 if side == -1 else miss_b
+            low, at_a = t, now
+            at_b = at_b / 2 if side == -1 else at_b
             side = -1
-        if abs(miss) < 1e-14:
+        if abs(now) < 1e-14:
             return t
     return high

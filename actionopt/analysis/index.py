@@ -30,11 +30,10 @@ from actionopt.analysis.second_variation import (
     form,
     second_derivatives,
 )
-from actionopt.discrete.bordered import Bordered, equations_of
+from actionopt.discrete.bordered import Bordered, equations_of, null_space
 from actionopt.discrete.borders import Rows, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, full
-from actionopt.discrete.layout import MatrixLayout
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.tools.blas import one_thread
@@ -239,32 +238,18 @@ def _on_its_mesh(
     else:
         matrix = equations.kkt(z)
 
+    basis = null_space(equations, full(layout, matrix)) if layout.rows and tr.order > 1 else None
+
     def below(mu: float) -> int:
         shifted = matrix - mu * kinetic
-        if layout.rows and tr.order > 1:
-            return _negative_where_held(layout, shifted) - (multipliers - layout.rows)
+        if basis is not None:
+            # The rows are integrals of functions that nearly depend on one another on elements of a
+            # high degree: signs of the pivots of the whole would be round-off.
+            return int(np.sum(np.linalg.eigvalsh(basis.T @ full(layout, shifted) @ basis) < 0))
         return Factors(layout, shifted).negative() - multipliers
 
     index = below(-tolerance)
     return Inertia(index, below(tolerance) - index, None, tolerance)
-
-
-def _negative_where_held(layout: MatrixLayout, nonzeros: Array) -> int:
-    """Return the negative eigenvalues on what the constraints' rows allow, by full matrices.
-
-    The rows are integrals of functions that nearly depend on one another on elements of a high
-    degree: signs of the pivots of the whole would be round-off.
-    """
-    whole, u, last = full(layout, nonzeros), layout.unknowns, layout.unknowns + layout.rows
-    rows = whole[u:last, :u]
-    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    allowed = np.linalg.qr(rows.T, mode="complete")[0][:, layout.rows :]
-    beside = np.r_[:u, last : len(whole)]
-    basis = np.zeros((beside.size, beside.size - layout.rows))
-    basis[:u, : allowed.shape[1]] = allowed
-    basis[u:, allowed.shape[1] :] = np.eye(beside.size - u)
-    held = basis.T @ whole[np.ix_(beside, beside)] @ basis
-    return int(np.sum(np.linalg.eigvalsh((held + held.T) / 2) < 0))
 
 
 def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:

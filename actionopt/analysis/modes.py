@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.analysis.assembled import AssembledForm, assemble
+from actionopt.analysis.full_form import FORM_ROUNDS, form_until
 from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
 from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, are_units
@@ -19,6 +20,7 @@ from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import product
 from actionopt.discrete.path import Path
+from actionopt.mechanics.course import check_whole
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import numbers
 from actionopt.tools.shown import one_line
@@ -27,6 +29,7 @@ from actionopt.tools.types import Array, NDInt
 DENSE_EIGENPROBLEM = 600  # free variations up to which all eigenvalues are computed at once; ad hoc
 ASSEMBLED = 300  # free variations from which one sparse matrix takes less time. Measured
 MANY_LOWER = 4  # eigenvalues below one that is sought: to count them takes less; ad hoc
+SETTLED_VALUES = 1e-10  # of the largest, how far eigenvalues move that have settled; ad hoc
 NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are round-off; ad hoc
 SHIFT_STEPS = 4  # of inverse iteration with one shift: a factorization costs some of them; ad hoc
 RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where values are close; ad hoc
@@ -89,6 +92,8 @@ def second_variation(
         )
     given = np.broadcast_to(asked, (n,))
     found = solution.inertia
+    if solution.problem.is_course:
+        return _on_full_forms(solution, count, given)
     # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
     first, resolution = solution.discrete, INDEX_RESOLUTION / 100
     form = assemble_if_large(first, solution.error, resolution)
@@ -114,6 +119,30 @@ def second_variation(
         )
     modes = tuple(Path(form.at.mesh, eta[:, :, i].T) for i in range(len(values)))
     return SecondVariation(values, modes, found, units)
+
+
+def _on_full_forms(solution: Solution, count: int, units: Array) -> SecondVariation:
+    """Return the same where L contains accelerations, or for integrals and events at given times.
+
+    On elements that are halved until the eigenvalues stay what they are.
+    """
+    problem = solution.problem
+    if any(event.t is None for event in problem.original.through):
+        check_whole(problem, "a mode of the second variation, a curve of the time,")
+    if problem.system.structure.forced:
+        form_of(solution.discrete)  # raises
+    before = np.zeros(0)
+    for rounds in range(FORM_ROUNDS):
+        form = form_until(solution, None, rounds)
+        values, vectors = form.lowest(units)
+        values = values[:count]
+        moved = np.abs(values - before[: values.size]).max() if rounds else np.inf
+        if moved <= SETTLED_VALUES * np.abs(values).max():
+            break
+        before = values
+    eta = form.variations(vectors[: form.tr.layout.unknowns, : values.size].T)
+    modes = tuple(Path(form.tr.mesh, row) for row in eta)
+    return SecondVariation(values, modes, solution.inertia, units)
 
 
 def assemble_if_large(first: DiscretePath, error: float, resolution: float) -> AssembledForm | None:

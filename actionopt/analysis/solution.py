@@ -634,23 +634,23 @@ class Solution:
 
         `q`, `v` and `p` over (coordinate, t), `energy` over t, the `multipliers` of constraints
         over (row, t), the `contact_force` of obstacles over (obstacle_row, t); parameters, action
-        and verdict are attributes.
+        and verdict are attributes. Where L contains accelerations also `a` and `p_v`, the momentum
+        of v, and so on.
 
         Raises ImportError if xarray is not installed, ValueError for times outside.
         """
-        self.problem.system.check_order("a table of its path")
         return dataset(self, t)
 
     def to_dataframe(self, t: ArrayLike | None = None) -> Any:
         """Return the path at K times as a pandas.DataFrame, its nodes if none are given.
 
         A row for each time, which is the index `t`; columns are called as the coordinates, `v_x`
-        and `p_x` the velocity and the momentum of a coordinate x, and `energy`. The coordinates of
-        one are read as a guess: `solve(problem, guess=frame)`.
+        and `p_x` the velocity and the momentum of a coordinate x, and `energy`; where L contains
+        accelerations also `a_x` and `p_v_x`, Ostrogradsky's momentum of v, and so on. The
+        coordinates of one are read as a guess: `solve(problem, guess=frame)`.
 
         Raises ImportError if pandas is not installed, ValueError for times outside.
         """
-        self.problem.system.check_order("a table of its path")
         return frame(self, t)
 
     def save(self, file: str | FilePath) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.mechanics.tracing import STATE
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
@@ -22,12 +23,9 @@ def dataset(solution: Any, t: ArrayLike | None) -> Any:
 
     times, problem = _times(solution, t), solution.problem
     system, along = problem.system, ["coordinate", "t"]
-    found: dict[str, Any] = {
-        "q": (along, solution(times)),
-        "v": (along, solution.velocity(times)),
-        "p": (along, solution.momentum(times)),
-        "energy": ("t", solution.energy(times)),
-    }
+    found: dict[str, Any] = {"q": (along, solution(times))}
+    found |= {name: (along, rows) for name, rows in _by_name(solution, times).items()}
+    found["energy"] = "t", solution.energy(times)
     if system.m:
         found["multipliers"] = ["row", "t"], solution.multipliers(times)
     if system.r:
@@ -53,10 +51,25 @@ def frame(solution: Any, t: ArrayLike | None) -> Any:
 
     times, names = _times(solution, t), solution.problem.system.coordinates
     columns = dict(zip(names, solution(times), strict=True))
-    columns |= {f"v_{x}": row for x, row in zip(names, solution.velocity(times), strict=True)}
-    columns |= {f"p_{x}": row for x, row in zip(names, solution.momentum(times), strict=True)}
+    for name, rows in _by_name(solution, times).items():
+        columns |= {f"{name}_{x}": row for x, row in zip(names, rows, strict=True)}
     columns["energy"] = solution.energy(times)
     return pandas.DataFrame(columns, index=pandas.Index(times, name="t"))
+
+
+def _by_name(solution: Any, times: Array) -> dict[str, Array]:
+    """Return velocities and momenta, (n, K) each, by the names that they have in tables.
+
+    Where L contains accelerations, derivatives up to the highest in it, and momenta of q, v, ...
+    """
+    system = solution.problem.system
+    if system.order == 1:
+        return {"v": solution.velocity(times), "p": solution.momentum(times)}
+    rates = solution.derivatives(times)[1 : system.order + 1]
+    found = dict(zip(STATE[1:], rates, strict=False))
+    momenta = solution.momentum(times).reshape(rates.shape)
+    names = ["p", *(f"p_{name}" for name in STATE[1:])]
+    return found | dict(zip(names, momenta, strict=False))
 
 
 def _times(solution: Any, t: ArrayLike | None) -> Array:

@@ -413,6 +413,29 @@ def equations_of(asked: Problem, at: DiscretePath) -> tuple[Bordered | Transcrip
     return equations, equations.pack(at.Q, at.lam)
 
 
+def null_space(equations: Bordered | Transcription, whole: Array) -> Array:
+    """Return a basis (size, c), orthonormal, of what the rows that have multipliers allow.
+
+    `whole` (size, size) is the matrix of the equations. On it the second derivatives of W have as
+    many negative eigenvalues as the path has directions in which the action falls.
+    """
+    layout = equations.layout
+    held = np.zeros(layout.size, dtype=bool)
+    if isinstance(equations, Bordered):
+        inner = equations.first.layout
+        for border, part in zip(equations.borders, equations.parts, strict=True):
+            held[part] = border.multipliers > 0
+        held[inner.unknowns : inner.size] = True
+    else:
+        held[layout.unknowns :] = True
+    rows = whole[np.ix_(held, ~held)]
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    q, _ = np.linalg.qr((rows / np.where(sizes > 0, sizes, 1.0)).T, mode="complete")
+    found = np.zeros((layout.size, q.shape[1] - len(rows)))
+    found[~held] = q[:, len(rows) :]
+    return found
+
+
 def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:
     """Return multipliers of integrals with which a path is nearest to a stationary one, (c,)."""
     tr = Transcription(problem, path.mesh, lengths)

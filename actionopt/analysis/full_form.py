@@ -1,0 +1,167 @@
+"""The second variation of any path as one full matrix, on what its conditions allow.
+
+W'' in everything unknown - the path, and what is found beside it (`discrete.borders`) - on the
+null space of the rows that have multipliers: those of constraints, of surfaces, of integrals that
+are given. Its negative eigenvalues are the index. It costs the cube of what is unknown, and serves
+where the forms of `second_variation`, eliminated element by element, do not: where L contains
+accelerations, and where one row goes through the whole path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.bordered import Bordered, null_space
+from actionopt.discrete.borders import times_of
+from actionopt.discrete.factors import full
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.events import Event
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array
+
+FORM_ROUNDS = (
+    5  # how often elements are halved until what is told of a path stays what it is; ad hoc
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FullForm:
+    """d2S of a path, or of its part from the start to some time at which nothing varies.
+
+    Attributes
+    ----------
+    equations : Bordered or Transcription
+    z : (size,) array
+        Their unknowns.
+    """
+
+    equations: Bordered | Transcription
+    z: Array
+
+    @cached_property
+    def basis(self) -> Array:
+        """Variations of all unknowns, (size, c), that span those allowed: orthonormal."""
+        return null_space(self.equations, self.matrix)
+
+    @cached_property
+    def matrix(self) -> Array:
+        """The second derivatives of W, (size, size)."""
+        equations, z = self.equations, self.z
+        nonzeros = equations.hessian(z) if isinstance(equations, Bordered) else equations.kkt(z)
+        return full(equations.layout, nonzeros)
+
+    @property
+    def tr(self) -> Transcription:
+        """The discrete action."""
+        return self.equations.at(self.z)
+
+    def relative(self) -> Array:
+        """Return eigenvalues (c,) against the kinetic part, and a little of what has no rates."""
+        kinetic = full(self.equations.layout, self.equations.kinetic(self.z))
+        return np.linalg.eigvalsh(self._against(kinetic + np.eye(len(kinetic)))[0])
+
+    def lowest(self, units: Array) -> tuple[Array, Array]:
+        """Return eigenvalues (c,) and vectors (size, c) in the norm int |eta / units|^2 dt.
+
+        In the user's units of action. Times and multipliers do not vary.
+        """
+        tr, mass = self.tr, np.zeros_like(self.matrix)
+        values = self.variations(np.eye(tr.layout.unknowns)) / units[:, None]
+        rows = values[:, :, tr.layout.node_of] * np.sqrt(tr.weight[:, 0])
+        rows = rows.reshape(len(rows), -1)
+        mass[: len(rows), : len(rows)] = rows @ rows.T / tr.action_unit
+        whole, root = self._against(mass)
+        values, vectors = np.linalg.eigh(whole)
+        return values, self.basis @ np.linalg.solve(root.T, vectors) / np.sqrt(tr.action_unit)
+
+    def _against(self, mass: Array) -> tuple[Array, Array]:
+        """Return the form by a basis that is orthonormal in a mass, and the root of that."""
+        root = np.linalg.cholesky(self.basis.T @ mass @ self.basis)
+        half = np.linalg.solve(root, self.basis.T @ self.matrix @ self.basis)
+        whole = np.linalg.solve(root, half.T)
+        return (whole + whole.T) / 2, root
+
+    def variations(self, x: Array) -> Array:
+        """Return eta at the nodes, (c, n, K), of variations of the unknowns, (c, unknowns)."""
+        tr = self.tr
+        rest = tr.coordinates(np.zeros(tr.layout.unknowns))
+        return np.array([(tr.coordinates(row) - rest).T for row in x])
+
+
+def form_until(solution: Solution, t: float | None, rounds: int = 0) -> FullForm:
+    """Return d2S of a path up to a time t at which it is held; up to its end if t is None.
+
+    The ends have their times; places on surfaces, and all that is found at events before t, varies.
+    Each element is halved `rounds` times.
+    """
+    problem, asked = solution.problem, solution.problem.original
+    mesh = _halve(_until(solution.mesh, t), rounds)
+    path = solution.path.on(mesh)
+    start, end = (_at(e, f.t) for e, f in ((asked.start, problem.start), (asked.end, problem.end)))
+    times, through = times_of(problem)[:-1], asked.through
+    if t is not None:
+        before = int(np.sum(times[1:] < t))
+        times, through = np.append(times[: before + 1], t), through[:before]
+        end = _hold(solution, path, t)
+    else:
+        times = np.append(times, problem.end.t)
+    laws = problem.question
+    part = Problem(
+        laws[: len(through) + 1] if isinstance(laws, tuple) else laws,
+        start,
+        end,
+        parameters=problem._given_parameters,
+        through=through,
+        integral=problem.integral,
+    )
+    lam, lengths = _forces(solution, mesh), solution.discrete.tr.lengths
+    if part.is_joined:
+        kappa = problem.kappa if problem.integral is not None else None
+        return FullForm(*Bordered.around(part, path, lam, lengths, times=times, kappa=kappa))
+    tr = Transcription(part, mesh, lengths)
+    return FullForm(tr, tr.pack(path.values.T, lam))
+
+
+def _at(event: Event, t: float) -> Event:
+    """Return an event with its time as it was found."""
+    return event if event.t is not None else event.at(t)
+
+
+def _hold(solution: Solution, path: Path, t: float) -> Event:
+    """Return the event of what a path is at a time t, all of it given."""
+    order, places = solution.problem.system.order, path(t)
+    if order > 1:
+        rates = path.carried_on(np.array([path.mesh.duration]), 1.0, order - 1)
+        places = np.concatenate(rates)[:, 0]
+    return Event.of_places(t, places, path.values.shape[0])
+
+
+def _forces(solution: Solution, mesh: Mesh) -> Array | None:
+    """Return the constraints' multipliers of the motion at the nodes of a part, (K, m)."""
+    if not solution.problem.system.m:
+        return None
+    return solution.multipliers(mesh.nodes).T
+
+
+def _until(mesh: Mesh, t: float | None) -> Mesh:
+    """Return the elements up to a time t, the last one cut there."""
+    if t is None:
+        return mesh
+    k = int(np.searchsorted(mesh.boundaries, t))
+    return Mesh(np.append(mesh.boundaries[:k], t), mesh.degrees[:k])
+
+
+def _halve(mesh: Mesh, rounds: int) -> Mesh:
+    """Return a mesh whose elements are halved some times."""
+    for _ in range(rounds):
+        since = np.interp(
+            np.arange(2 * mesh.elements + 1) / 2, np.arange(mesh.elements + 1), mesh.since
+        )
+        mesh = mesh.cut(since, np.repeat(mesh.degrees, 2))
+    return mesh
