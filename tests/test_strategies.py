@@ -74,7 +74,9 @@ def test_a_curved_attempt_that_fails_leaves_no_trace(monkeypatch):
     kepler = scenes.get("kepler").problem.system
     problem = Problem(kepler, Event(0.0, [1.0, 0.0]), Event(0.3, [-1.0, 0.0]))
     tried = []
-    monkeypatch.setattr(Search, "try_each", lambda self, strategies: tried.append(self) or found(self))
+    monkeypatch.setattr(
+        Search, "try_each", lambda self, strategies: tried.append(self) or found(self)
+    )
 
     def found(search):
         mesh = search.uniform(4, 6)
