@@ -18,7 +18,6 @@ from actionopt.analysis.second_variation import check_independent, couples_at_re
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import SparseFactors, diagonal, factorize_part
-from actionopt.mechanics.held import Held
 from actionopt.mechanics.scales import diagonal as diagonal_of
 from actionopt.tools.types import EPS, Array
 
@@ -179,7 +178,7 @@ def _is_plain(at: DiscretePath) -> bool:
     problem, layout = at.problem, at.tr.layout
     n, system = problem.system.n, problem.system
     ends = len(problem.start.pinned), len(problem.end.pinned)
-    simple = not (isinstance(problem, Held) or problem.through or any(problem.surfaces))
+    simple = not (problem.touches or problem.through or any(problem.surfaces))
     return (
         simple
         and max(ends) == n

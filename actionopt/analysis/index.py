@@ -35,7 +35,6 @@ from actionopt.discrete.borders import Rows, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, full
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
@@ -112,7 +111,7 @@ def inertia(
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 24-29; Milnor, *Morse Theory*
     (1963), section 15.
     """
-    if isinstance(at.problem, Held):
+    if at.problem.touches:
         return _on_its_mesh(at, at.tr, at.z, tolerance_of(error))
     if tolerance is not None:
         return inertia_of(resolve(at, error, INDEX_RESOLUTION), tolerance, moves)
@@ -168,7 +167,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     d2S/dT2 = -dE/dT. What moves a closed path along itself, or as a whole by a symmetry of L, makes
     no other path of it, but where the start gives coordinates.
     """
-    asked, touches = at.problem.original, isinstance(at.problem, Held)
+    asked, touches = at.problem.original, at.problem.touches
     moves = () if touches else moves_of(asked)
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)

@@ -32,7 +32,6 @@ from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.course import check_whole
-from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import RANK, Array, NDInt
@@ -149,7 +148,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
     system = problem.system
     check_whole(problem, "the second variation")
-    if isinstance(problem, Held):
+    if problem.touches:
         raise ValueError(
             "expected a path that touches no obstacle, found one that does: its second variation "
             "is that of the free part, of which only the index is counted (morse_index)"

@@ -27,7 +27,6 @@ from actionopt.discrete.stretch import explicit
 from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.mechanics.course import jet_normals
 from actionopt.mechanics.events import RATES
-from actionopt.mechanics.held import Held
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
@@ -107,7 +106,7 @@ def sensitivity(
     Goldstein, *Classical Mechanics* (3rd ed. 2002), sections 8.6 and 10.1; J. H. Van Vleck,
     *Proc. Natl. Acad. Sci.* 14 (1928), p. 178.
     """
-    if isinstance(at.problem, Held):
+    if at.problem.touches:
         raise ValueError(
             "expected a path that touches no obstacle, found one that does: its contact changes "
             "with the events, which these derivatives do not count; solve for neighbouring events "

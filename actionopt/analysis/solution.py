@@ -540,17 +540,12 @@ class Solution:
     @cached_property
     def discrete(self) -> DiscretePath:
         """The path as unknowns on its mesh, with multipliers; in contact, its problem is `Held`."""
-        known = self.known
-        if self.problem.system.r:
-            if not self.contacts:
-                return DiscretePath.of(self.problem, self.path, self.lam[: self.problem.system.m].T)
-            asked = known.problem if known is not None and known.path is self.path else None
-            if known is not None and isinstance(asked, Held) and asked.free is self.problem:
+        known, problem = self.known, self.problem
+        if self.contacts or not problem.system.r:
+            if known is not None and known.path is self.path and known.problem.free is problem:
                 return known
-            return DiscretePath.of(Held(self.problem, self.contacts), self.path, self.lam.T)
-        if known is not None and known.path is self.path and known.problem is self.problem:
-            return known
-        return DiscretePath.of(self.problem, self.path, self.lam.T)
+        held = Held(problem, self.contacts) if self.contacts else problem
+        return DiscretePath.of(held, self.path, self.lam[: held.system.m].T)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Solution:
         """Return a copy with memory of its own; what follows from it is made when asked for."""

@@ -106,7 +106,7 @@ class Action:
         self.order = problem.system.order  # that of the highest derivative in the Lagrangian
         self.nodal = terms(problem, mesh) if problem.has_tails else ()
         nodal = tuple(term.node for term in self.nodal)
-        if problem.on_surface or problem.through:
+        if any(event.on is not None for event in problem.joints_found):
             at = zip(self.joints.tolist(), problem.joints_found, strict=True)
             nodal += tuple(node for node, event in at if event.on is not None)
         self.layout = layout_for(problem, mesh, nodal)

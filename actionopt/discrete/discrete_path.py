@@ -13,7 +13,6 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.tools.types import Array
@@ -152,9 +151,8 @@ class DiscretePath:
 
         def at(t: Array) -> Array:
             problem = self.problem
-            active = problem.active(t) if isinstance(problem, Held) else None
             state = path(t), path.velocity(t), t, problem.parameters
-            return system.dynamics(*state, active)[1].T
+            return system.dynamics(*state, problem.active(t))[1].T
 
         try:
             return at(t)

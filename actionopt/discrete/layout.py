@@ -19,7 +19,6 @@ from actionopt.discrete.blocks import FULL_SIZE, Blocks
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.element import element
 from actionopt.discrete.mesh import Mesh
-from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
@@ -508,12 +507,8 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
     """
     known, order = problem.system.layouts, problem.system.order
     ends = problem.start.pinned_places(order), problem.end.pinned_places(order)
-    partial = None
-    closed = problem.closed_places
-    key = (mesh.degrees, *ends, closed, nodal)
-    if isinstance(problem, Held):
-        partial = problem.in_force(mesh.boundaries, mesh.offsets)
-        key = (*key, b"" if partial is None else partial.tobytes())
+    closed, partial = problem.closed_places, problem.in_force(mesh.boundaries, mesh.offsets)
+    key = (mesh.degrees, *ends, closed, nodal, None if partial is None else partial.tobytes())
     inner: tuple[tuple[int, tuple[int, ...]], ...] = ()
     if problem.through:
         at = find_boundaries(mesh, np.array([e.t for e in problem.through])).tolist()

@@ -389,8 +389,8 @@ class _TraceRun:
         at = point.at
         if not (self.branch.arcs or at.problem.system.r):
             return False
-        if not isinstance(at.problem, Held):
-            at = DiscretePath.of(Held(at.problem, ()), at.path)
+        if not self.branch.arcs:
+            at = DiscretePath.of(Held(at.problem.free, ()), at.path)
         _, on, depth, push, unit = contact_conditions(at, self.sizes)
         return bool((depth > INSIDE * self.tol).any() or (on & is_pulled(push, unit)).any())
 

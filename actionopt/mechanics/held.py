@@ -36,7 +36,7 @@ class Held(Problem):
         The times of the events for which those of the arcs are; the question's own, if it has them.
     """
 
-    free: Problem
+    _free: Problem
     arcs: tuple[Arc, ...] | None
     sought: bool
     span: tuple[float, float]
@@ -55,9 +55,14 @@ class Held(Problem):
         if sought:
             system = free.system.with_contact_distance(tuple(measures(free.lengths).tolist()))
         asked = free.asked and Held(free.asked, arcs, sought=False, span=span)
-        known = {"system": system, "free": free, "arcs": arcs, "sought": sought, "span": span}
+        known = {"system": system, "_free": free, "arcs": arcs, "sought": sought, "span": span}
         for name, value in (known | {"asked": asked}).items():
             object.__setattr__(self, name, value)
+
+    @property
+    def free(self) -> Problem:
+        """The question itself, whatever is in contact."""
+        return self._free
 
     def found_at(
         self, times: Sequence[float] | Array, q: Any = None, kappa: Array | None = None

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from actionopt.mechanics.consistency import (
     check_alike,
@@ -34,7 +34,7 @@ from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.checks import by_name, numbers
 from actionopt.tools.shown import one_line
-from actionopt.tools.types import EPS, Array
+from actionopt.tools.types import EPS, Array, NDInt
 
 # Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
@@ -510,6 +510,24 @@ class Problem:
         clock = self.system.clock
         ends = self.start.t, self.end.t
         return () if clock is None else instants(clock, *ends, self.packed)
+
+    @property
+    def free(self) -> Problem:
+        """The question itself, where contacts with an obstacle are known: see `Held`."""
+        return self
+
+    @property
+    def touches(self) -> bool:
+        """Whether contacts with an obstacle are known, and constraints."""
+        return self.free is not self
+
+    def in_force(self, boundaries: Array, offsets: NDInt) -> NDArray[np.bool_] | None:
+        """Return which constraints are in force at the nodes of a mesh: None, all of them."""
+        return None
+
+    def active(self, t: Array) -> NDArray[np.bool_] | None:
+        """Return which constraints are in force at times t (K,): None, all of them."""
+        return None
 
     @property
     def name(self) -> str:

@@ -399,6 +399,14 @@ def given_time(problem: Problem) -> float:
     return next((e.t for e in (problem.start, problem.end) if e.t is not None), 0.0)
 
 
+def duration_along(problem: Problem, q: Array) -> float:
+    """Return how long the path takes, or a motion of the energy along the points q (K, n)."""
+    if not problem.free_time:
+        return problem.duration
+    known = times_along(problem, q, given_time(problem))
+    return 1.0 if known is None else float(known[0][-1])
+
+
 def straight(problem: Problem) -> Array:
     """Return points (K, n) on the straight line between the events."""
     pairs = zip(problem.start.near, problem.end.near, strict=True)

@@ -21,8 +21,13 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, solve_on_the_way
-from actionopt.solver.durations import times_along
-from actionopt.solver.first_paths import FIRST_TOL, REPRESENTED, given_time, guess_path, straight
+from actionopt.solver.first_paths import (
+    FIRST_TOL,
+    REPRESENTED,
+    duration_along,
+    guess_path,
+    straight,
+)
 from actionopt.solver.least_along import release_contacts
 from actionopt.solver.obstacle import Along
 from actionopt.solver.on_surface import points, sizes
@@ -88,14 +93,13 @@ def _between_given(
         pairs = None if path is None else [_ends(problem, path)]
         asked = [fixed for fixed, _ in points(problem, pairs)[:TRIED]]
     for fixed in asked:
-        near, T = path, 0.0
-        if fixed.free_time:
-            T = _duration(fixed, straight(fixed)) if path is None else path.mesh.duration
+        near = path
+        T = duration_along(fixed, straight(fixed)) if path is None else path.mesh.duration
         for _ in range(DURATIONS):
             found = solve_on_the_way(_with_duration(fixed, T), FIRST_TOL, watch, near)
-            if not (fixed.free_time and found.success):
+            if not found.success:
                 break
-            last, T = T, _duration(fixed, found.path.values.T)
+            last, T = T, duration_along(fixed, found.path.values.T)
             if abs(T / last - 1) < LASTING:
                 break
             near = found
@@ -106,12 +110,6 @@ def _with_duration(problem: Problem, duration: float) -> Problem:
     """Return the question with events at given times."""
     there = over(problem, duration)
     return Problem(there.system, there.start, there.end, parameters=there.parameters)
-
-
-def _duration(problem: Problem, q: Array) -> float:
-    """Return how long a motion of the energy takes along the points q (K, n)."""
-    known = times_along(problem, q, given_time(problem))
-    return 1.0 if known is None else float(known[0][-1])
 
 
 def _ends(problem: Problem, path: Path) -> Array:

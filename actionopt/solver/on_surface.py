@@ -19,11 +19,11 @@ from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.scales import diagonal
 from actionopt.solver.arrivals import arrivals, meeting_speed
 from actionopt.solver.between import solve_on_the_way
-from actionopt.solver.durations import times_along
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.first_paths import (
     FIRST_TOL,
     FirstPaths,
+    duration_along,
     given_time,
     line,
     straight,
@@ -131,22 +131,13 @@ def sizes(problem: Problem) -> Array:
 def _line(problem: Problem) -> tuple[float, Path]:
     """Return the action along the straight line, S + E T where the time is free, and the line."""
     q = straight(problem)
-    t = given_time(problem)
-    T = _lasting(problem, q, t)
+    T = duration_along(problem, q)
     fixed = over(problem, T)
     mesh = Mesh.uniform(fixed.start.t, fixed.end.t, LINEAR, COARSE_DEGREE)
     path = Path(mesh, line(problem, mesh))
     with np.errstate(all="ignore"):
         S = DiscretePath.of(fixed, path).action + (problem.energy or 0.0) * T
     return S if np.isfinite(S) else np.inf, path
-
-
-def _lasting(problem: Problem, q: Array, t: float) -> float:
-    """Return how long the path takes, or a motion of the energy along the points q (K, n)."""
-    if not problem.free_time:
-        return problem.duration
-    known = times_along(problem, q, t)
-    return 1.0 if known is None else float(known[0][-1])
 
 
 def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
@@ -170,7 +161,7 @@ def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
             if again and both:
                 q[k] = q[1 - k]
             if times[k] is None and again:
-                T = _lasting(problem, q[0] + np.linspace(0, 1, 11)[:, None] * (q[1] - q[0]), t)
+                T = duration_along(problem, q[0] + np.linspace(0, 1, 11)[:, None] * (q[1] - q[0]))
                 way = float(np.linalg.norm((q[1] - q[0]) / size))
                 if timed and way > 0:  # a surface may run away faster than motions of the energy
                     T = way / float(meeting_speed(problem, q, size, t, way / T))
