@@ -15,8 +15,9 @@ from motions import ellipse, growing, kicked, of_scene, oscillation, pendulum
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from actionopt import Event, Mesh, Problem, Solution, State, System, solve
+from actionopt import Event, Mesh, Problem, Solution, State, System, integrate, solve
 from actionopt.analysis.compare import compare
+from actionopt.analysis.flow import Flow
 
 ACCURATE = 3e-11  # what forward integration makes of these motions, as its own tests say
 
@@ -154,6 +155,18 @@ def test_reference_error_covers_what_forward_integration_does_wrong():
         found = compare(between(ORBIT, ellipse(1.0, 0.8, 1.0), 0.0, 7.0), tol=tol)
         assert found.position < 3 * found.reference_error
         assert found.reference_error < 1e3 * found.position
+
+
+@pytest.mark.parametrize("name", ["pendulum", "turning wire", "damped"])
+def test_regular_motions_are_followed_from_the_curve(name, monkeypatch):
+    """By Picard's iteration, and as far as CVODES follows them: nothing is left to that."""
+    curve = between(*MOTIONS[name], 0.0, 3.0)
+    t = np.linspace(0.0, 3.0, 31)
+    start = State(0.0, *MOTIONS[name][1](0.0))
+    followed = integrate(curve.problem.system, start, 3.0)(t)
+    monkeypatch.delattr(Flow, "integrator")
+    path = compare(curve).path
+    assert np.max(np.abs(path(t) - followed)) < ACCURATE * np.max(np.abs(followed))
 
 
 # -- what is no motion -----------------------------------------------------------------------

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Protocol
 
 import casadi as ca
@@ -27,10 +26,10 @@ from actionopt.analysis.flow import (
     Flow,
     FlowUnits,
     IntegrationError,
-    Integrator,
     span_within,
 )
 from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, begin_leg, follow, restarts
+from actionopt.analysis.picard import FlowAbout, PicardIntegrator
 from actionopt.analysis.second_variation import tangent
 from actionopt.analysis.series import begins_singular
 from actionopt.discrete.mesh import Mesh
@@ -191,7 +190,8 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     """
     tolerance(tol)
     problem, start, mesh = solution.problem, solution.start, solution.mesh
-    flow, span = Flow(problem.system, problem.parameters), problem.duration
+    span = problem.duration
+    flow = FlowAbout(problem.system, problem.parameters, solution)
     motion, reason, last = None, "", start.t
     try:
         motion = follow(flow, start, problem.end.t, tol=tol, mesh=mesh, kinks=True)
@@ -372,7 +372,7 @@ class _Parts:
         Of the integration.
     """
 
-    flow: Flow
+    flow: FlowAbout
     mesh: Mesh
     kinked: Array
     stops: list[Instant]
@@ -384,7 +384,7 @@ class _Parts:
     def of(
         cls,
         solution: Claim,
-        flow: Flow,
+        flow: FlowAbout,
         instants: list[Instant],
         accuracy: tuple[FlowUnits, float],
     ) -> _Parts:
@@ -434,8 +434,18 @@ class _Parts:
             state = begin_leg(self.flow, state, after)
         return np.concatenate(times), np.concatenate(tables, axis=1)
 
+    def several(self, states: list[State], ends: list[float]) -> list[tuple[Array, Array] | None]:
+        """Return the same of many motions that stop nowhere; None for what is to be asked alone."""
+        through = [
+            not any(state.t <= stop[0] and stop[1] < end for stop in self.stops)
+            for state, end in zip(states, ends, strict=True)
+        ]
+        asked = [(state, end) for state, end, one in zip(states, ends, through, strict=True) if one]
+        found = iter(self.flow.several(asked, self.units, self.tolerance, QUARTERS, self._longest))
+        return [next(found) if one else None for one in through]
+
     def _run(
-        self, run: Integrator, state: State, end: float, whole: float
+        self, run: PicardIntegrator, state: State, end: float, whole: float
     ) -> tuple[Array, Array, State]:
         """Return times (4,), q (n, 4) there and the state at the end, of a part of `whole`."""
         span = span_within(state.t, end)
@@ -445,12 +455,15 @@ class _Parts:
         return t, q, State(end, q[:, -1], v[:, -1])
 
     @cached_property
-    def _through(self) -> Integrator:
-        longest = min(CVODES_LONGEST * min(self.mesh.elements, PIECES), QUARTERS[0])
-        return self.flow.integrator(QUARTERS, self.tolerance, longest)
+    def _through(self) -> PicardIntegrator:
+        return self.flow.integrator(QUARTERS, self.tolerance, self._longest)
+
+    @property
+    def _longest(self) -> float:
+        return min(CVODES_LONGEST * min(self.mesh.elements, PIECES), QUARTERS[0])
 
     @cached_property
-    def _stopping(self) -> Integrator:
+    def _stopping(self) -> PicardIntegrator:
         return self.flow.integrator(QUARTERS, self.tolerance, CVODES_LONGEST)
 
 
@@ -461,23 +474,28 @@ def _piece_by_piece(
 
     And why not all of them could be followed.
     """
-    pieces, cuts, worst, unknown = list(pairwise(parts.times.tolist())), 0, np.nan, ""
+    times, cuts, worst, unknown = parts.times, 0, np.nan, ""
+    q, v = solution(times[:-1]).T, solution.velocity(times[:-1]).T
+    states = [
+        solution.start,
+        *(State(*x) for x in zip(times[1:-1].tolist(), q[1:], v[1:], strict=False)),
+    ]
+    ends = times[1:].tolist()
+    pieces = list(zip(states, ends, parts.several(states, ends), strict=True))
     while pieces:
-        a, end = pieces.pop()
-        state = (
-            State(a, solution(a), solution.velocity(a)) if a > parts.times[0] else solution.start
-        )
+        state, end, known = pieces.pop()
         try:
-            t, there = parts.follow(state, end)
+            t, there = known or parts.follow(state, end)
             found = _deviation(solution(t), there, units.q[:count]).max()
             if found > allowed:
                 changed = _perturb(solution.problem, state, units, allowed)
                 _, other = parts.follow(changed, end)
                 gain = _deviation(other, there, units.q[:count]).max() / allowed
-                cut = parts.cut(a, end) if gain > UNSTABLE and cuts < MOST_CUTS else None
+                cut = parts.cut(state.t, end) if gain > UNSTABLE and cuts < MOST_CUTS else None
                 if cut is not None:
                     cuts += 1
-                    pieces += [(a, cut), (cut, end)]
+                    middle = State(cut, solution(cut), solution.velocity(cut))
+                    pieces += [(state, cut, None), (middle, end, None)]
                     continue
                 found /= max(1.0, gain / EXPLAINED)
         except IntegrationError as error:

@@ -28,6 +28,7 @@ CVODES_LONGEST, CVODES_STEPS = 1 / 200, 50_000
 ZERO_SIZE = 1e-10
 NOISE_STATES, NOISE_QUANTILE = 16, 0.9  # states that tell the round-off, and which; ad hoc
 STEP_NOISE = 0.1  # of the noise of a step is what CVODES sees of it at high orders; ad hoc
+ROUGH_LOCAL = 1e-8  # local tolerance of the run that finds the sizes
 # Of the equilibrated equations; derived: accelerations have 1e13 eps = 0.2% left of their digits.
 MAX_CONDITION = 1e13
 
@@ -115,6 +116,10 @@ class Flow:
     system: System
     parameters: Mapping[str, ArrayLike] | None = None
 
+    def rough(self, local: float) -> float:
+        """Return the tolerance of the run that finds the sizes, before one to `local`."""
+        return max(ROUGH_LOCAL, local)
+
     def integrator(self, s: Array, tolerance: float, longest: float = CVODES_LONGEST) -> Integrator:
         """Return the integrator from s = 0 with output at the K increasing times `s` <= 1.
 
@@ -131,7 +136,7 @@ class Flow:
             "show_eval_warnings": False,
         }
         with self.system.lock:
-            motion = self.system.memoize("flow", lambda: _derive(self.system))
+            motion = self.system.memoize("flow", lambda: scaled_motion(self.system))
             function = ca.integrator("forward", "cvodes", motion, 0.0, s, options)
         table = self.system.table
         return Integrator(function, s, table.pack(table.values(self.parameters))[0])
@@ -256,7 +261,7 @@ def span_within(start: float, end: float) -> float:
     return float(span)
 
 
-def _derive(system: System) -> ca.Function:
+def scaled_motion(system: System) -> ca.Function:
     """Return the scaled equations of motion in CasADi's form for integrators.
 
     They are dx/ds for x = (q / units, v / units), with parameters (p, t0, T, c, units).

@@ -47,7 +47,6 @@ FINEST_LOCAL = 5e-16  # below this local tolerance CVODES gains nothing: two eps
 SIZE_SAMPLES = 65  # along the motion, to find the sizes
 SERIES_TAIL = 1e-15  # coefficients left out of a power series, relative to q
 ROUND_OFF_SPEED = 1e-6  # of the size of q over the duration: a velocity that is round-off
-ROUGH_LOCAL = 1e-8  # local tolerance of the run that finds the sizes
 
 
 def integrate(
@@ -239,7 +238,8 @@ def follow(
         if mesh is None
         else _mesh_over(mesh, first, last)
     )
-    seen = _look_ahead(flow, state, _legs(elements, [], span < 0), units)
+    local = max(LOCAL_SHARE * tol, FINEST_LOCAL)
+    seen = _look_ahead(flow, state, _legs(elements, [], span < 0), units, flow.rough(local))
     if mesh is None:
         elements = Mesh.uniform(first, last, max(4, seen.steps // MOTION_DEGREE), MOTION_DEGREE)
     legs, tables, at = [], [], state
@@ -342,12 +342,12 @@ class _Rough:
 
 
 def _look_ahead(
-    flow: Flow, state: State, legs: list[tuple[Array, NDInt]], units: FlowUnits
+    flow: Flow, state: State, legs: list[tuple[Array, NDInt]], units: FlowUnits, local: float
 ) -> _Rough:
-    """Integrate roughly, leg by leg, until the units are those of the motion."""
+    """Integrate to a local tolerance, leg by leg, until the units are those of the motion."""
     s = np.linspace(0.0, 1.0, SIZE_SAMPLES)
     spans = [span_within(times[0], times[-1]) for times, _ in legs]
-    runs = [flow.integrator(s[1:], ROUGH_LOCAL, _longest(times)) for times, _ in legs]
+    runs = [flow.integrator(s[1:], local, _longest(times)) for times, _ in legs]
     places = [
         np.append(times[0] + s[:-1] * span, times[-1])
         for (times, _), span in zip(legs, spans, strict=True)
@@ -356,7 +356,7 @@ def _look_ahead(
         units.v * abs(sum(spans)) <= ZERO_SIZE * units.q
     ):  # at rest, and nothing else is known
         noise = flow.round_off(state.q[:, None], state.v[:, None], places[0][:1])
-        units, _ = units.above(noise, abs(spans[0]) * CVODES_LONGEST, ROUGH_LOCAL)
+        units, _ = units.above(noise, abs(spans[0]) * CVODES_LONGEST, local)
     own, tables, noises, lengths = units, [], [], []
     for _ in range(MOTION_ROUNDS):
         last, at, tables, noises, lengths = units, state, [], [], []
@@ -370,7 +370,7 @@ def _look_ahead(
         q, v = np.concatenate(tables, axis=2)
         own = units = FlowUnits.of(q, v, units.rows)
         for noise, step in zip(noises, lengths, strict=True):
-            units, _ = units.above(noise, step, ROUGH_LOCAL)
+            units, _ = units.above(noise, step, local)
         if units.agree(last):
             break
     instants = []
