@@ -41,11 +41,13 @@ from actionopt.tools.types import EPS, Array
 # Ad hoc, where nothing else is said.
 POINTS_A_DIGIT = 1.2  # of the tolerance, in a panel: halves of it are taken where these are too few
 FEWEST_POINTS = 8
-ROUNDS = 24  # of iteration: what contracts by half ends at round-off by then, from a hundredth
-HALVINGS = 7  # of a panel at most: what asks for more is left to CVODES
+PICARD_ROUNDS = (
+    24  # of iteration: what contracts by half ends at round-off by then, from a hundredth
+)
+PANEL_HALVINGS = 7  # of a panel at most: what asks for more is left to CVODES
 LEAST_CHANGE = 32 * EPS  # in a panel: some hundred of them are still far below the tolerance asked
 DRIFT_RATE = 0.25  # Baumgarte's, in a panel: a larger one needs more rounds
-STALLED = 100.0  # times the tolerance: where round-off alone changes it from round to round
+STILL_CHANGES = 100.0  # times the tolerance: where round-off alone changes it from round to round
 
 
 class Curve(Protocol):
@@ -232,7 +234,7 @@ def _settle(
     times = np.tile(at + h * rule.points, parts)[:, None]
     once, twice = h * rule.once[:-1].T, h * h * rule.twice[:-1].T
     last, settled = np.full(parts, np.nan), np.zeros(parts, dtype=bool)
-    for _ in range(ROUNDS):
+    for _ in range(PICARD_ROUNDS):
         places = x.transpose(0, 2, 1).reshape(parts * k, 2 * n)
         a = rates(times, places).reshape(parts, k, n).transpose(0, 2, 1)
         new = np.concatenate([straight + turn * (a @ twice), v + a @ once], axis=1)
@@ -240,13 +242,13 @@ def _settle(
         x = new
         # The next change is as much smaller, at least.
         settled = (change * np.fmin(change / last, 1.0) <= enough) | (
-            (change >= last / 2) & (change <= STALLED * enough)
+            (change >= last / 2) & (change <= STILL_CHANGES * enough)
         )
         if np.all(settled | ~np.isfinite(change)):
             break
         last = change
     tails = h * np.abs(a @ rule.coefficients[-2:].T) / (2 * k)
-    return a.copy(), settled & (tails.max(axis=(1, 2)) <= STALLED * enough)
+    return a.copy(), settled & (tails.max(axis=(1, 2)) <= STILL_CHANGES * enough)
 
 
 @dataclass(eq=False)
@@ -305,7 +307,7 @@ class PicardIntegrator:
             known = _near(flow.curve, state.t + span * b[:-1], span * np.diff(b), rule, units)
             return list(known[::-1])
 
-        ahead, shortest = b[:0:-1].tolist(), float(np.diff(b).min()) * 0.5**HALVINGS
+        ahead, shortest = b[:0:-1].tolist(), float(np.diff(b).min()) * 0.5**PANEL_HALVINGS
         about, at, done = near(b), 0.0, []
         here = np.concatenate([state.q / units.q, state.v / units.v])[:, None]
         while ahead:
