@@ -4,6 +4,8 @@ import json
 import re
 from collections import Counter
 from html.parser import HTMLParser
+from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from matplotlib.colors import to_rgb
 from actionopt import Event, Mesh, scenes
 from actionopt.cli import main
 from actionopt.discrete.transcription import Transcription
-from actionopt.gallery import build, builder
+from actionopt.gallery import build, builder, story
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.facts import facts_of, name_of
 from actionopt.gallery.figures import fronts_caption
@@ -26,6 +28,7 @@ from actionopt.solver.solve import solve
 from actionopt.tools.greek import GREEK
 
 NAMES = ["drag_quadratic", "rod_pendulum"]
+COUNTED = ["drag_quadratic", "hoop_bead", "oscillator", "projectile"]
 VOID = {"meta", "link", "img", "input", "br", "source"}
 SAME = 1e-9  # of an action computed twice
 CLOSE = 1e-9  # of what is known exactly, for paths good to 1e-10 and their accelerations
@@ -33,10 +36,14 @@ CLOSE = 1e-9  # of what is known exactly, for paths good to 1e-10 and their acce
 
 @pytest.fixture(scope="module")
 def gallery(tmp_path_factory):
-    """A gallery of two scenes, without layout, which the tests of figures look at."""
+    """A gallery of two scenes, without layout, which the tests of figures look at.
+
+    The story counts the least paths and the saddles of a few.
+    """
     target = tmp_path_factory.mktemp("gallery")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("actionopt.plot._files.LAYOUTS", 0)
+        patch.setattr(story, "scenes", SimpleNamespace(get=scenes.get, SCENES=COUNTED))
         assert build(target, NAMES, jobs=1) == ["least", "course", *NAMES]
         yield target
 
@@ -443,25 +450,44 @@ def test_colours_can_be_told_apart(gallery, dark):
 # -- in a browser ----------------------------------------------------------------------------
 
 
-def test_pages_load_whole_and_from_here_alone(gallery, chromium):
+SIZES = (360, 740), (1920, 1080)  # of a phone, and of a projector
+SMALL = """(() => {
+  const found = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let x; x = walk.nextNode();) {
+    const e = x.parentElement, not = ["SCRIPT", "STYLE", "NOSCRIPT", "OPTION", "TITLE"];
+    if (!x.data.trim() || not.includes(e.tagName) || !e.getBoundingClientRect().width) continue;
+    const m = e.ownerSVGElement && e.getScreenCTM();
+    const px = parseFloat(getComputedStyle(e).fontSize) * (m ? Math.hypot(m.a, m.b) : 1);
+    if (px < 11) found.push([e.tagName, px, x.data.trim()]);
+  }
+  return found;
+})()"""
+
+
+def load_images(chromium):
+    chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
+    chromium.until("[...document.images].every(i => i.complete)")
+
+
+def visit(target, chromium):
+    """Open each page at each size: it is whole, comes from here alone, fits and can be read."""
     chromium.errors.clear()
     chromium.requests.clear()
-    for file in pages(gallery):
-        chromium.open(file)
-        chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
-        chromium.until("[...document.images].every(i => i.complete)")
-        assert chromium.run("[...document.images].every(i => i.naturalWidth > 0)")
+    for file, (width, height) in product(pages(target), SIZES):
+        phone = width == 360
+        chromium.open(file, width, height, still=phone)
+        assert chromium.run("document.documentElement.scrollWidth <= innerWidth"), file
+        assert chromium.run("innerWidth") == width
+        assert not phone or chromium.run(SMALL) == [], file
+        load_images(chromium)
+        assert chromium.run("[...document.images].every(i => i.naturalWidth > 0)"), file
     assert chromium.errors == []
     assert all(url.startswith(("file:", "data:")) for url in chromium.requests)
     assert any(url.endswith("film.js") for url in chromium.requests)
 
 
-@pytest.mark.parametrize(("width", "height"), [(360, 740), (1920, 1080)])
-def test_pages_fit_from_phone_to_projector(gallery, chromium, width, height):
-    for file in pages(gallery):
-        chromium.open(file, width, height, still=True)
-        assert chromium.run("document.documentElement.scrollWidth <= innerWidth"), file
-        assert chromium.run("innerWidth") == width
+def test_pages_load_whole_and_fit_from_phone_to_projector(gallery, chromium):
+    visit(gallery, chromium)
 
 
 def test_a_film_plays_pauses_and_leaves_those_alone_who_want_no_motion(gallery, chromium):
@@ -564,22 +590,7 @@ def test_the_whole_gallery(chromium, tmp_path):
         if 'class="scene"' in file.read_text("utf-8")
     )
     assert {text: count for text, count in said.items() if count > 5} == {}
-    test_pages_load_whole_and_from_here_alone(tmp_path, chromium)
-    for size in ((360, 740), (1920, 1080)):
-        test_pages_fit_from_phone_to_projector(tmp_path, chromium, *size)
-
-
-SMALL = """(() => {
-  const found = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  for (let x; x = walk.nextNode();) {
-    const e = x.parentElement, not = ["SCRIPT", "STYLE", "NOSCRIPT", "OPTION", "TITLE"];
-    if (!x.data.trim() || not.includes(e.tagName) || !e.getBoundingClientRect().width) continue;
-    const m = e.ownerSVGElement && e.getScreenCTM();
-    const px = parseFloat(getComputedStyle(e).fontSize) * (m ? Math.hypot(m.a, m.b) : 1);
-    if (px < 11) found.push([e.tagName, px, x.data.trim()]);
-  }
-  return found;
-})()"""
+    visit(tmp_path, chromium)
 
 
 def test_the_index_is_searched_and_told_by_tags(gallery, chromium):
@@ -670,14 +681,10 @@ EVERY_IMAGE = """(tabs => (tabs.length ? tabs : [document.body]).flatMap(tab => 
 }))([...document.querySelectorAll('[role=tab]')])"""
 
 
-def test_no_words_are_too_small_on_a_phone(gallery, chromium):
-    for file in pages(gallery):
-        chromium.open(file, 360, 740, still=True)
-        assert chromium.run(SMALL) == [], file
+def test_no_words_of_a_picture_are_too_small_on_a_phone(gallery, chromium):
     for file, folder in (("rod_pendulum/index.html", "rod_pendulum"), ("least.html", "least")):
         chromium.open(gallery / file, 360, 740, still=True)
-        chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
-        chromium.until("[...document.images].every(i => i.complete)")
+        load_images(chromium)
         shown = chromium.run(EVERY_IMAGE)
         assert shown
         for source, width in shown:  # letters of 8.9 points or more, in a picture of so many

@@ -76,11 +76,8 @@ def pair(
 ) -> Figure:
     """Return what `draw` puts on two axes side by side; its narrow cut has the second below."""
     wide = plot.svg(lambda f: draw(list(f.subplots(1, 2))), size)
-    high = (ONE_SIZE[0], 2 * ONE_SIZE[1])
-    below = plot.svgs(
-        lambda f: draw(list(f.subplots(2, 1))), high, (NARROW_WIDTH, 1.7 * NARROW_WIDTH)
-    )
-    return Figure(name, wide, alt, caption, narrow=below[1])
+    narrow = plot.svg(lambda f: draw(list(f.subplots(2, 1))), (NARROW_WIDTH, 1.7 * NARROW_WIDTH))
+    return Figure(name, wide, alt, caption, narrow=narrow)
 
 
 def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, str]]]:
