@@ -8,7 +8,7 @@ import pytest
 import actionopt as ao
 from actionopt.discrete.crossing import Jump, find_imbalance
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.energy_balance import Balance, imbalance
+from actionopt.discrete.energy_balance import Balance, imbalance, is_plain
 from actionopt.discrete.stacks import Stack, StackShape
 from actionopt.discrete.transcription import Transcription
 
@@ -348,3 +348,49 @@ def test_the_balance_holds_along_any_curve_and_shows_the_slightest_jump():
 )
 def test_what_plainly_cannot_jump_is_not_asked(V, plain):
     assert ao.System(free(V), ["x", "y"]).structure.jumpless is plain
+
+
+@pytest.mark.parametrize("timed", [0.0, 0.3])
+def test_a_smooth_lagrangian_needs_no_balance(monkeypatch, timed):
+    def refuse(at):
+        raise AssertionError
+
+    monkeypatch.setattr(Balance, "of", refuse)
+    for V in (
+        lambda q, t: np.tanh(q[0] - timed * t),
+        lambda q, t: np.exp(-(q @ q)) * np.cos(timed * t),
+        lambda q, t: q[1] / (1 + q @ q + timed * t**2),
+    ):
+        system = ao.System(lambda q, v, t, V=V: v @ v / 2 - V(q, t), ["x", "y"])
+        assert not system.structure.jumpless
+        ao.solve(ao.Problem(system, ao.Event(0.0, [-1.0, 0.3]), ao.Event(1.0, [1.0, 0.4])))
+
+
+@pytest.mark.parametrize("timed", [0.0, 0.3])
+@pytest.mark.parametrize("place", [-1 + 1e-7, -0.993, -0.5, 0.0, 1e-6, 0.3, 0.77, 1 - 1e-7])
+def test_no_step_is_plain_wherever_it_is(place, timed):
+    """Of a straight motion, on whose samples, nodes and ends the step may be."""
+    for height, plain in ((0.0, True), (1e-10, False), (1e-3, False), (1e9, False)):
+
+        def lagrangian(q, v, t, height=height):
+            step = (q[0] - place) / np.sqrt((q[0] - place) ** 2)
+            return v[0] ** 2 / 2 + timed * np.tanh(t) - (height * step if height else 0.0)
+
+        assert is_plain(straight(lagrangian), 1e-12, 2.0) is plain
+
+
+@pytest.mark.parametrize("width", [1e-9, 1e-13, 1e-17])
+def test_stairs_closer_than_samples_are_not_plain(width):
+    """A mean force that no derivative shows: the straight motion is stationary to all sums."""
+
+    def lagrangian(q, v, t):
+        return v[0] ** 2 / 2 + width * np.arctan(np.tan(q[0] / width)) - q[0]
+
+    assert not is_plain(straight(lagrangian), 1e-12, 2.0)
+
+
+def straight(lagrangian):
+    """Return the straight motion from -1 to 1 on a mesh."""
+    mesh = ao.Mesh.uniform(0.0, 1.0, 4, 12)
+    problem = ao.Problem(ao.System(lagrangian, ["x"]), ao.Event(0.0, [-1.0]), ao.Event(1.0, [1.0]))
+    return DiscretePath.of(problem, ao.Path.interpolate(lambda t: [2 * t - 1], mesh))

@@ -59,7 +59,7 @@ class Evaluations:
     values: tuple[float, Array, Array] | None = None
     second: list[Array] | None = None
     rows: tuple[Array, Array] | None = None  # the constraints' normals and values
-    between: tuple[Array, ...] | None = None  # q, v, L_q, L_v and L where else L was evaluated
+    between: tuple[Array, ...] | None = None  # q, v, L_q, L_v, L and dL/dt elsewhere
 
 
 class ActionUnits(NamedTuple):

@@ -24,6 +24,8 @@ their largest speeds u, has an L that is uncertain by
 and forces that are summed to that accuracy. Round-off adds some eps of the same sum, and of L.
 (Measured, of 1500 right answers: 0.05 of that at most where L is smooth, 0.4 at a kink; at jumps
 100 and more.)
+
+Mostly that need not be drawn up: `is_plain`.
 """
 
 from __future__ import annotations
@@ -52,6 +54,9 @@ SHORTENED = 20  # times by 4, an interval in which L hardly changes; ad hoc
 SUDDEN = 16.0  # ratio from an interval to one four times as long: no growth by rounding; ad hoc
 ROUNDINGS = 16.0  # largest rounding of L, in typical ones: a quarter of a unit; ad hoc
 ENDS = [0, -1]
+FEW_ELEMENTS = 3  # the drift of fewer is not told by their means
+AMPLIFIED = 4.0  # round-off where L is continued to the ends of panels; measured
+STEP_SHARE = 0.2  # of a step among 8 to 32 points that half the degrees leave at one, at least
 # Of L, what an error of the path may explain of it where no drift of the energy is known; ad hoc.
 UNCERTAIN_SHARE = 1e-2
 UNDECIDED = 16 * EPS  # of the times: on which side of a step a path is, in such an interval; ad hoc
@@ -126,9 +131,8 @@ class Balance:
             return None
         batches, point = tr.between_nodes, tr.place(at.x)
         with np.errstate(all="ignore"):
-            q, v, force, momentum, L = second_quadrature.values(tr, at.x, batches)
-            t = second_quadrature.times(tr, batches)
-            explicit = _explicit(problem, q, v, t)
+            q, v, force, momentum, L, explicit = second_quadrature.values(tr, at.x, batches)
+            t, explicit = second_quadrature.times(tr, batches), _flat(explicit.copy())
             # A row for each coordinate: numpy is fast along rows.
             v, force, momentum = (np.ascontiguousarray(y.T) for y in (v, force, momentum))
             size, speed = (np.abs(y.T).max(axis=1) for y in (point.at, point.v))
@@ -320,6 +324,53 @@ class Balance:
             low.append(since[:, :-1].ravel())
             high.append(since[:, 1:].ravel())
         return np.concatenate(low), np.concatenate(high)
+
+
+def is_plain(at: DiscretePath, error: float, safety: float) -> bool:
+    """Return whether L plainly has no step along a path: it is smooth there, and H is constant.
+
+    A step between the samples of a panel is no polynomial of half the degree that they have, or it
+    is between two panels; steps closer than samples change H without a reason, as the drift shows,
+    which is to be within the `error`, `safety` times. Where that is not known the balance decides.
+    """
+    tr, problem, batches = at.tr, at.problem, at.tr.between_nodes
+    structure, packed, N = problem.system.structure, problem.packed, tr.mesh.elements
+    if structure.forced or problem.through or tr.order > 1 or len(batches) > 1 or N < FEW_ELEMENTS:
+        return False
+    if tr.sides is not None or (problem.system.m and structure.depends_on_time):
+        return False
+    _, v, _, p, L, explicit = second_quadrature.values(tr, at.x, batches)
+    rule, half, n, point = batches[0].rule, batches[0].half[:, 0, 0], v.shape[1], tr.place(at.x)
+    power = p * v
+    power = power[:, 0] if n == 1 else power @ np.ones(n)
+    most, read = float(power.max()), max(abs(float(L[k])) for k in (0, L.size // 2, -1))
+    allowed = error * most + AMPLIFIED * ROUNDOFF * (most + read)
+    ends, rest = rule.ends_and_rest(L)
+    if not max(float(rest.max()), -float(rest.min())) <= STEP_SHARE * allowed:
+        return False
+    # Between elements velocities differ by the error of the path.
+    between, p, u = ends[1:, 0] - ends[:-1, 1], p.reshape(N, -1, n), point.v.reshape(N, -1, n)
+    between[rule.panels - 1 :: rule.panels] -= ((u[1:, 0] - u[:-1, -1]) * p[1:, 0]).sum(axis=1)
+    if not np.abs(between).max() <= allowed:
+        return False
+    first = problem.system.pointwise("first")
+    for k, mine in ((0, ends[0, 0]), (-1, ends[-1, 1])):
+        here = point.at[k, None], point.v[k, None], tr.times[k, None], packed
+        if not abs(first(*here)[2][0, 0] - mine) <= allowed:
+            return False
+    carried = (power - L).reshape(N, -1) @ rule.weights * half
+    if explicit.size > 1:  # H + int dL/dt dt is constant
+        rate = explicit.reshape(N, -1)
+        work = rate @ rule.weights * half
+        within = rate @ (rule.weights * (1 - rule.nodes)) * half
+        carried += (within + 2 * (work.cumsum() - work)) * half
+    carried = carried.cumsum()
+    carried -= carried[-1] / tr.mesh.duration * tr.mesh.since[1:]
+    farthest = float(np.abs(carried).max())
+    if farthest <= ROUNDOFF * read * tr.mesh.duration:
+        return True
+    reach = np.abs(p[:, 0]).max(axis=0) @ np.abs(point.at).max(axis=0)
+    return bool(safety * farthest <= error * reach)
 
 
 def imbalance(at: DiscretePath, error: float) -> Imbalance | None:

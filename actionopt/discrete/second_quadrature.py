@@ -308,21 +308,24 @@ def _sample(
     tr: Action, x: Array, batches: list[Batch]
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
-    q, v, force, momentum, _ = values(tr, x, batches)
+    q, v, force, momentum, *_ = values(tr, x, batches)
     return _shared_out(tr, batches, _add_forces(tr, q, v, times(tr, batches), force), momentum)
 
 
 def values(tr: Action, x: Array, batches: list[Batch]) -> tuple[Array, ...]:
-    """Return q, v, L_q, L_v, all (points, n), and L (points,) at all points of the batches.
+    """Return q, v, L_q, L_v, all (points, n), L and dL/dt (points,) at all points of the batches.
 
-    They are kept with what else is known for x.
+    They are kept with what else is known for x. In place of dL/dt there is a zero (1,) where L does
+    not contain the time, or plainly does not step.
     """
-    point = tr.place(x)
+    point, structure = tr.place(x), tr.problem.system.structure
     if point.between is None:
         q, v = (_join(parts) for parts in zip(*_points(tr, x, batches), strict=True))
-        first = tr.problem.system.pointwise("first")
-        Lq, Lv, L = first(q, v, times(tr, batches), tr.problem.packed)
-        point.between = q, v, Lq.copy(), Lv.copy(), L[:, 0].copy()
+        timed = structure.depends_on_time and not structure.jumpless
+        function = tr.problem.system.pointwise("balance" if timed else "first")
+        found = [y.copy() for y in function(q, v, times(tr, batches), tr.problem.packed)]
+        explicit = found[3][:, 0] if timed else np.zeros(1)
+        point.between = q, v, found[0], found[1], found[2][:, 0], explicit
     return point.between
 
 

@@ -293,6 +293,9 @@ class Laws:
     def _build_rate(self):
         return self._arguments, [_dense(ca.jacobian(self.L, self.symbols.t))]
 
+    def _build_balance(self):
+        return self._arguments, [*self._build_first()[1], *self._build_rate()[1]]
+
     def _build_second(self):
         d = self.derivatives
         return self._arguments, [d.Lqq, d.Lqv, d.Lvv]
