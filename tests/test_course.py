@@ -20,6 +20,11 @@ from actionopt.gallery.course.notebook import exercise
 G = 9.81
 LEAST = 5 - G / 2 - G**2 / 24  # the ball's action
 BEND = np.pi**2 / 4  # J s/m^2, by which a bend of it raises S
+# W of both throws of 20 J to (2.2, 0.5) m: the integral of v^2 dt = v0^2 - 2 g y dt, by hand.
+TANGENT = (40 + np.array([-1, 1]) * np.sqrt(1600 - G * (G * 2.2**2 + 40))) / (G * 2.2)
+TIME = 2.2 * np.sqrt((1 + TANGENT**2) / 40)
+RISE = TANGENT * np.sqrt(40 / (1 + TANGENT**2))  # m/s, at the start
+WORK = 40 * TIME - 2 * G * (RISE * TIME**2 / 2 - G * TIME**3 / 6)
 KNOWN = {
     ("hunt", 0): {"straight": (5 - G / 2, 1e-12)},
     ("hunt", 1): {"best": (G, 1e-3), "least": (LEAST, 2e-4)},
@@ -36,18 +41,30 @@ KNOWN = {
     ("minus", 0): {"below": (G / 8, 1e-8)},
     ("minus", 1): {"kinetic": (0.25, 1e-8), "potential": (0.25, 1e-8), "S": (0.0, 1e-9)},
     ("minus", 2): {"change": (-5.0, 1e-9), "apart": (0.0, 1e-8)},
+    ("gauge", 0): {"rise": (3.0, 1e-9)},
+    ("gauge", 1): {"change": (1.5, 1e-9), "apart": (0.0, 1e-8)},
     ("light", 0): {"ratio": (1.33, 1e-3)},
     # y'' = b with 2 b c^2 = 1/5 and c^2 = 1.2 / (1 + 4 b^2), and it dips by 2 b
     ("light", 1): {"dip": ((1.2 - np.sqrt(1.44 - 0.16)) / 0.4, 1e-6)},
+    ("stones", 0): {"far": (40 / G, 1e-8), "best": (45.0, 1e-3)},
+    ("stones", 1): {"more": (WORK[1] - WORK[0], 1e-6)},
     ("least", 0): {"focus": (np.pi / 3, 1e-8)},
     ("least", 1): {"index": (3, 0)},
     ("least", 2): {"index": (1, 0), "focus": (180.0, 1e-8)},
+    ("string", 0): {"stiffness": (np.pi**2 - 4, 1e-6)},
+    ("string", 1): {"lowest": (np.pi**2 / 16 - 1, 1e-4), "down": (1, 0)},
     ("push", 0): {"pull": (G * (3 - 2 * np.cos(0.7916850338091145)), 1e-6)},
     ("push", 1): {"angle": (np.degrees(np.arccos(2 / 3)), 1e-6)},
     ("push", 2): {"work": (scenes.get("turning_wire_radial"), 1e-8)},
     ("symmetry", 0): {k: (np.sqrt(1 - 0.6**2), 1e-8) for k in ("first", "last")},
     ("symmetry", 1): {"both": (0.0, 1e-8)},
     ("symmetry", 2): {"change": (2 * (3.01**2 - 9) / 3, 1e-9), "p": (4.0, 1e-12)},
+    ("slopes", 0): {"work": (18.0, 0), "lagrangian": (4.0, 0), "meets": (-14.0, 0)},
+    ("slopes", 1): {"p": (4 / 3, 1e-8), "H": (5 / 3, 1e-8)},
+    ("phase", 0): {"apart": (np.sin(1) / 2, 1e-8)},
+    ("phase", 1): {"share": (1.0, 1e-5)},  # the sides of the square are small, not nothing
+    ("slits", 0): {"bands": (1e3 * 6.62607015e-34 / (9.1093837015e-31 * 1e6 * 1e-6), 1e-9)},
+    ("slits", 1): {"ratio": (1.0, 1e-3)},
     ("sum", 0): {"length": (np.sqrt(2 * np.pi), 1e-3), "angle": (45.0, 1e-2)},
     ("sum", 1): {"length": (np.sqrt(2 * np.pi), 1e-3), "angle": (-45.0, 1e-2)},
     ("sum", 2): {"e": (2 * np.sqrt(1.054571817e-34 / np.pi), 1e-9)},

@@ -15,7 +15,9 @@ import actionopt
 from actionopt import plot, scenes, solve
 from actionopt.gallery import figures, scene_page
 from actionopt.gallery.course import pages
+from actionopt.gallery.course.demonstrations import DEMONSTRATIONS
 from actionopt.gallery.course.lessons import LESSONS
+from actionopt.gallery.course.notebook import ON_PAGE
 from actionopt.gallery.index_page import IDEAS
 from actionopt.gallery.page import SITE
 from actionopt.gallery.story import PARAGRAPH, TEMPLATE
@@ -56,8 +58,10 @@ def said():
     found |= {" ".join(paragraph[3].split()) for paragraph in story}
     for lesson in LESSONS:
         found |= {lesson.title, lesson.idea, lesson.trap}
-        found |= {*lesson.predict, *lesson.attempt, *lesson.explain}
+        found |= {*lesson.predict, *lesson.attempt, *lesson.observe, *lesson.explain}
+        found |= {words for words, _ in lesson.steps}
         found |= {text for e in lesson.exercises for text in (e.question, e.answer, e.label)}
+    found |= {text for x in DEMONSTRATIONS.values() for text in x.words.values()} | {ON_PAGE}
     for name in scenes.SCENES:
         words, own = texts(name), scenes.get(name).words
         found |= {

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from actionopt import scenes
+from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.page import escape, frame, typeset
 from actionopt.scenes import Scene
 from actionopt.tools.words import say
@@ -83,7 +84,7 @@ def index_page(
         "Lagrangian, its film, and the numbers found next to what is known exactly."
     )
     story = say("Bend a path yourself, and see the action rise, or fall.")
-    lessons = say("Nine lessons: predict, try, explain.")
+    lessons = say("{count} lessons: predict, try, explain.", count=len(LESSONS))
     main = f"""<header class="title"><h1>{say("Stationary action, scene by scene")}</h1>
 <p class="lead">{lead}</p>
 <p class="feature"><strong><a href="course.html">{say("A course")}</a></strong>

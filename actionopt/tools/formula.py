@@ -4,9 +4,10 @@
 
 A space multiplies, / divides all of the product before it by the next factor, a prime is a time
 derivative, theta1 and x_i have an index. sin, cos and sqrt take the next symbol or bracket;
-|x| is the size of x, d/dt (...) a total derivative, `sum over i of ...` and `sum over i < j of
-...` a sum over bodies, of the next term. r and v that are no coordinates are the vectors of
-position and velocity. Further sides and definitions may follow: `f = x - y = 0, with x = ...`.
+|x| is the size of x, dL/dv a slope, d/dt (...) a total derivative, F(x,t) a function, and
+`sum over i of ...` and `sum over i < j of ...` a sum over bodies, of the next term. r and v that
+are no coordinates are the vectors of position and velocity. Further sides and definitions may
+follow: `f = x - y = 0, with x = ...`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 PRIME = "\u02b9"  # a letter to Python
 RULES = (  # from a docstring's way of writing to Python's, in this order
     (r"\bd/dt \(", "rate("),
+    (r"\bd([A-Za-z]\d?)/d(\w+)", r"slope(\1, \2)"),
     (r"\b(sin|cos|sqrt) (\w+)", r"\1(\2)"),
     (r"\|(.*?)\|", r"size(\1)"),
     (r"sum over (.*?) of (\(.*\)|.*?)(?= \+ |$)", r"over(\1, \2)"),

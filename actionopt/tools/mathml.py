@@ -12,7 +12,11 @@ from actionopt.tools.greek import GREEK
 
 # Over a symbol: time derivatives. Combining marks of three and four dots land beside their letter.
 DOTS = "&#x2D9;", "&#xA8;", 3 * "&#x2D9;", 4 * "&#x2D9;"
-LETTERS = {"w": "omega", "lamda": "lambda"}  # how a name of the code is written in a book
+LETTERS = {
+    "w": "omega",
+    "lamda": "lambda",
+    "hbar": "\u0127",
+}  # how a name of the code is written in a book
 FUNCTIONS = "sin cos tan arcsin arccos arctan sinh cosh tanh log".split()
 VECTORS = ("r", "v", "Q")
 TIMES_ML, APPLY_ML = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>"
@@ -89,6 +93,12 @@ class _Writer:
                 return f"<mrow>{BAR_ML}{self(argument)}{BAR_ML}</mrow>"
             case ast.Call(ast.Name("rate"), [argument]):
                 return f"{TIME_DERIVATIVE}{THIN}{_bracket(self(argument))}"
+            case ast.Call(ast.Name("slope"), [what, by]):
+                top, bottom = (f"<mrow><mi>d</mi>{self(x)}</mrow>" for x in (what, by))
+                return f"<mfrac>{top}{bottom}</mfrac>"
+            case ast.Call(ast.Name(name) as function, arguments) if len(name) == 1:
+                inner = "<mo>,</mo>".join(map(self, arguments))
+                return f"<mrow>{self(function)}{APPLY_ML}{_bracket(inner)}</mrow>"
             case ast.Call(ast.Name("over"), [over, term]):
                 sign = f"<munder><mo>&#x2211;</mo><mrow>{self(over)}</mrow></munder>"
                 return f"{sign}{self.factor(term)}"

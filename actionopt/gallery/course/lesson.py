@@ -49,12 +49,17 @@ class Lesson:
         For predicting, trying, explaining and the exercises.
     predict, explain : tuple of str
         Paragraphs.
+    steps : tuple of (str, str)
+        A derivation, a line a step: words, and a formula as docstrings write it.
     explorer : str
-        Scene, or one of `experiments`, of the path that can be dragged in the page.
+        Scene, or one of `experiments`, of the path that can be dragged in the page, if there is
+        one.
     parts : tuple of str
         Its buttons and panels that are not folded away.
-    attempt : tuple of str
-        Paragraphs on what to try.
+    figure : str
+        One of `demonstrations`, if there is one.
+    attempt, observe : tuple of str
+        Paragraphs on what to try with the path, and with the figure.
     scenes : tuple of str
         Pages to open.
     trap : str
@@ -67,10 +72,13 @@ class Lesson:
     minutes: tuple[int, int, int, int]
     idea: str
     predict: tuple[str, ...]
-    attempt: tuple[str, ...]
     explain: tuple[str, ...]
     trap: str
     exercises: tuple[Exercise, ...]
+    attempt: tuple[str, ...] = ()
+    observe: tuple[str, ...] = ()
+    steps: tuple[tuple[str, str], ...] = ()
     scenes: tuple[str, ...] = ()
     explorer: str = ""
     parts: tuple[str, ...] = ()
+    figure: str = ""

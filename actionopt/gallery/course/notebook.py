@@ -15,6 +15,9 @@ from actionopt.mechanics.tracing import suggestion
 from actionopt.tools.files import write
 from actionopt.tools.words import current, numerals, say
 
+ON_PAGE = (
+    "The figure of this lesson stands on its page, which the command `actionopt gallery` writes."
+)
 EXPLORER = """\
 {source}
 
@@ -48,10 +51,14 @@ def exercise(name: str, folder: str | Path = ".") -> tuple[Path, Path]:
 def notebook(lesson: Lesson, answers: bool) -> dict[str, Any]:
     """Return a lesson's notebook as nbformat 4.5 has it."""
     cells = [_words(f"# {say(lesson.title)}\n\n{say(lesson.idea)}")]
-    parts = (("Predict", lesson.predict), ("Try", lesson.attempt), ("Explain", lesson.explain))
+    first, *rest = lesson.explain
+    steps = (f"{say(words)} `{text}`" for words, text in lesson.steps)
+    explain = (first, *steps, *rest)
+    attempt = lesson.attempt or (say(ON_PAGE), *lesson.observe)
+    parts = (("Predict", lesson.predict), ("Try", attempt), ("Explain", explain))
     for title, paragraphs in parts:
         cells.append(_words(f"## {say(title)}\n\n" + "\n\n".join(map(say, paragraphs))))
-        if title == "Try":
+        if title == "Try" and lesson.explorer:
             cells.append(_program(_explorer(lesson.explorer)))
     for k, given in enumerate(lesson.exercises, 1):
         cells.append(_words(f"## {say('Exercise {k}', k=k)}\n\n{say(given.question)}"))

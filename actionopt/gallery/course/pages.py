@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from contextlib import redirect_stdout
 
 from actionopt import scenes
+from actionopt.gallery.course import demonstrations
 from actionopt.gallery.course.experiments import EXPERIMENTS
 from actionopt.gallery.course.lesson import Exercise, Lesson
 from actionopt.gallery.course.lessons import LESSONS
@@ -18,6 +19,8 @@ from actionopt.plot import SI
 from actionopt.plot._names import units_of
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
+from actionopt.tools.formula import formula
+from actionopt.tools.mathml import mathml
 from actionopt.tools.words import number, say
 
 LESSON_PARTS = ("Predict", "Try", "Explain", "Exercises")
@@ -41,9 +44,10 @@ def _contents() -> str:
         for lesson in LESSONS
     )
     lead = say(
-        "Nine short lessons on the principle of stationary action, for those who know Newton's "
-        "laws and a little calculus. Each has one idea: predict, try, explain, and three exercises "
-        "with answers."
+        "{count} short lessons on the principle of stationary action, for those who know Newton's "
+        "laws and a little calculus. Each has one idea: predict, try, explain, and exercises with "
+        "answers.",
+        count=len(LESSONS),
     )
     notebooks = say(
         "As notebooks, one to work in and one with answers, they come by the command below."
@@ -84,8 +88,11 @@ def _traps() -> str:
 def _lesson(k: int, drawn: Sequence[Figure]) -> str:
     """Return the page of the k-th lesson, with its figures."""
     lesson = LESSONS[k]
-    exercises = "".join(map(_exercise, range(1, 4), lesson.exercises))
-    widget = _live(lesson)
+    exercises = "".join(_exercise(i, given) for i, given in enumerate(lesson.exercises, 1))
+    widget = _live(lesson) if lesson.explorer else ""
+    own = demonstrations.DEMONSTRATIONS.get(lesson.figure)
+    if own is not None:
+        widget += _prose(lesson.observe) + own.html(lesson.figure)
     shown = "".join(f"<figure>{x.html()}" for x in drawn)
     count = say("Lesson {k} of {count}", k=k + 1, count=len(LESSONS))
     minutes = say("{m} minutes", m=sum(lesson.minutes))
@@ -96,12 +103,12 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
 <p class="lead">{_translate(lesson.idea)}</p></header>
 <section><h2>{say("Predict")}</h2>{_prose(lesson.predict)}</section>
 <section><h2>{say("Try")}</h2>{_prose(lesson.attempt)}{widget}{_links(lesson)}</section>
-<section><h2>{say("Explain")}</h2>{_prose(lesson.explain)}{shown}</section>
+<section><h2>{say("Explain")}</h2>{_explanation(lesson)}{shown}</section>
 <section><h2>{say("Exercises")}</h2>{exercises}
 <pre class="program"><code>actionopt exercise {lesson.name}</code></pre></section>
 {_turn(k)}
 </article>"""
-    scripts = ["film.js", *SCRIPTS, "guess.js"]
+    scripts = ["film.js", *SCRIPTS, *demonstrations.SCRIPTS, "guess.js"]
     description = say(lesson.idea)
     return frame(say(lesson.title), main, root="../", description=description, scripts=scripts)
 
@@ -136,6 +143,7 @@ MARKS = {  # what is said of a number that was typed in
     "given": "It is {x}.",
 }
 UNREAD = "Type a number, such as {x}."
+SCALARS = ("r", "v", "v1", "v2", "Q")  # names of formulas that are no vectors here
 EXAMPLE = 0.25  # of a number that can be typed
 
 
@@ -171,6 +179,18 @@ def _exercise(k: int, exercise: Exercise) -> str:
         f'<details class="answer"><summary>{say("Answer")}</summary><p>{answer}</p>{shown}'
         "</details></div>"
     )
+
+
+def _explanation(lesson: Lesson) -> str:
+    """Return what explains: its first paragraph, the derivation if there is one, and the rest."""
+    first, *rest = lesson.explain
+    lines = "".join(
+        f"<li><span>{_translate(words)}</span>"
+        f'<div class="formula" tabindex="0">{mathml(formula(text), SCALARS)}</div></li>'
+        for words, text in lesson.steps
+    )
+    steps = f'<ol class="steps">{lines}</ol>' if lines else ""
+    return _prose((first,)) + steps + _prose(tuple(rest))
 
 
 def _links(lesson: Lesson) -> str:

@@ -90,6 +90,7 @@ globalThis.actionopt.panels = (() => {
       this.shown = { x: [this.value(this.left, 0)[0], this.value(this.right, 0)[0]], y: [this.value(0, this.bottom)[1], this.value(0, this.top)[1]] };
     }
 
+    // Axes by their names; without ticks across where there is none.
     axes(across, up, grid = false) {
       this.back.replaceChildren();
       const { x, y } = this.shown, dx = nice(((x[1] - x[0]) * 66) / (this.right - this.left)), dy = nice(((y[1] - y[0]) * 30) / (this.bottom - this.top));
@@ -104,9 +105,9 @@ globalThis.actionopt.panels = (() => {
         return minus((value / 10 ** k).toFixed(Math.max(0, Math.min(12, k - Math.floor(Math.log10(step) + 1e-9)))));
       };
       const [right, high] = [power(x), power(y)];
-      across = named(across, right);
+      across = across && named(across, right);
       this.up = named(up, high);
-      for (const value of ticks(x, dx)) {
+      for (const value of across === null ? [] : ticks(x, dx)) {
         const at = this.X(value);
         element(this.back, "path", grid ? "grid" : "axis").setAttribute("d", `M${at},${this.bottom}V${grid ? this.top : this.bottom + 4}`);
         if (at < this.right - 10 - 7 * across.length) put(element(this.back, "text", "", label(value, dx, right)), { x: at, y: this.bottom + 18, "text-anchor": "middle" });
@@ -126,7 +127,9 @@ globalThis.actionopt.panels = (() => {
     named(rows) {
       const text = element(this.back, "text");
       put(text, { x: Math.max(48, 14 + 7 * this.up.length), y: 12 });
-      rows.forEach(([name, look]) => { element(text, "tspan", `key ${look}`, `${name} `); });
+      rows.forEach(([name, look]) => `${name} `.split(/_(\S)/).forEach((part, k) => { // letters and their indices
+        put(element(text, "tspan", `key ${look}`, part), { dy: k % 2 ? 3 : k ? -3 : 0 });
+      }));
     }
 
     points(rows) { return rows.map(([x, y]) => `${this.X(x).toFixed(2)},${this.Y(y).toFixed(2)}`).join(" "); }
