@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from actionopt import scenes
 from actionopt.gallery.builder import common_files
-from actionopt.gallery.course.demonstrations import DEMONSTRATIONS, SCRIPTS
+from actionopt.gallery.course.demonstrations import DEMONSTRATIONS, FIGURE_SCRIPTS
 from actionopt.gallery.page import frame
 from actionopt.tools.words import language
 
@@ -29,7 +29,7 @@ SET_EVERYTHING = """[...document.querySelectorAll("[data-figure]")].map((figure)
   }
   return [figure.dataset.figure, texts.join(" ")];
 })"""
-MECHANISM = ("action.js", "address.js", "sentences.js", "panel.js", *SCRIPTS)
+MECHANISM = ("action.js", "address.js", "sentences.js", "panel.js", *FIGURE_SCRIPTS)
 
 
 def written(folder, lang="en"):

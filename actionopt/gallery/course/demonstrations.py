@@ -26,7 +26,7 @@ from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
-SCRIPTS = ("lesson_figures.js", "lesson.js")
+FIGURE_SCRIPTS = ("lesson_figures.js", "lesson.js")
 STEP_SHARE = 0.12  # of a duration: each of the two steps from the ends to the shifted path
 DEGREE = 24  # of the rule by which a page sums S over a segment: to round-off for smooth paths
 ROD, LENGTHS, ROD_TIME = 1.0, 0.04 * np.arange(-13, 14), 0.9  # m, m beside it, s
@@ -42,7 +42,7 @@ class Demonstration:
     data: Callable[[], dict[str, Any]]
 
     def html(self, name: str, caption: str = "") -> str:
-        """Return the figure; it needs `plot.live`'s scripts, `SCRIPTS`, and the style."""
+        """Return the figure; it needs `plot.live`'s scripts, `FIGURE_SCRIPTS`, and the style."""
         words = {key: say(text) for key, text in self.words.items()}
         text = json.dumps({**self.data(), "words": words}, separators=(",", ":"))
         text = text.replace("</", "<\\/")

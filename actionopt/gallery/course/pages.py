@@ -108,7 +108,7 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
 <pre class="program"><code>actionopt exercise {lesson.name}</code></pre></section>
 {_turn(k)}
 </article>"""
-    scripts = ["film.js", *SCRIPTS, *demonstrations.SCRIPTS, "guess.js"]
+    scripts = ["film.js", *SCRIPTS, *demonstrations.FIGURE_SCRIPTS, "guess.js"]
     description = say(lesson.idea)
     return frame(say(lesson.title), main, root="../", description=description, scripts=scripts)
 
@@ -143,7 +143,7 @@ MARKS = {  # what is said of a number that was typed in
     "given": "It is {x}.",
 }
 UNREAD = "Type a number, such as {x}."
-SCALARS = ("r", "v", "v1", "v2", "Q")  # names of formulas that are no vectors here
+NO_VECTORS = ("r", "v", "v1", "v2", "Q")  # names of formulas that are no vectors here
 EXAMPLE = 0.25  # of a number that can be typed
 
 
@@ -186,7 +186,7 @@ def _explanation(lesson: Lesson) -> str:
     first, *rest = lesson.explain
     lines = "".join(
         f"<li><span>{_translate(words)}</span>"
-        f'<div class="formula" tabindex="0">{mathml(formula(text), SCALARS)}</div></li>'
+        f'<div class="formula" tabindex="0">{mathml(formula(text), NO_VECTORS)}</div></li>'
         for words, text in lesson.steps
     )
     steps = f'<ol class="steps">{lines}</ol>' if lines else ""
