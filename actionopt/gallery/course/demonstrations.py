@@ -52,7 +52,7 @@ class Demonstration:
 </figure>"""
 
 
-def _packed(system: System) -> dict[str, Any]:
+def _law_and_numbers(system: System) -> dict[str, Any]:
     """Return a law and the numbers of its parameters."""
     numbers = [float(x) for value in system.table.values().values() for x in np.ravel(value)]
     return {"law": law(system), "p": numbers}
@@ -104,7 +104,7 @@ def noether() -> dict[str, Any]:
             view = [[x - around for x in low], [x + around for x in high]]
         a, b = momenta if first else momenta[::-1]
         found[name] = {
-            **_packed(scene.problem.system), "segments": segments, "T": T, "step": STEP_SHARE * T,
+            **_law_and_numbers(scene.problem.system), "segments": segments, "T": T, "step": STEP_SHARE * T,
             "first": first, "flat": flat, "e": e, "c": c, "view": view, "polar": name == "planet",
             "axes": axes, "names": [*momenta, f"{a} + c {b}"],
             "grooves": 1.5 if name == "screw" else 0,
@@ -150,7 +150,7 @@ def phase() -> dict[str, Any]:
     }
     return {
         "systems": {
-            name: {**_packed(system), "q0": q0, "p0": p0, "T": T}
+            name: {**_law_and_numbers(system), "q0": q0, "p0": p0, "T": T}
             for name, (system, q0, p0, T) in systems.items()
         }
     }
@@ -191,7 +191,7 @@ def rod() -> dict[str, Any]:
 def spring() -> dict[str, Any]:
     """Return the law of a mass on a spring, m = k = 1, and a rule to sum it by."""
     system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
-    return {**_packed(system), **_unit_rule()}
+    return {**_law_and_numbers(system), **_unit_rule()}
 
 
 DEMONSTRATIONS: dict[str, Demonstration] = {
