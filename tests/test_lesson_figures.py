@@ -272,7 +272,7 @@ def test_a_hand_a_key_and_a_link_set_the_same(figure, page, chromium):
     chromium.touch(*knob(), 40, 0)
     touched = chromium.run(v)
     assert touched > dragged + 0.2
-    chromium.until("location.hash.includes('f-legendre')")
+    chromium.until(f"decodeURIComponent(location.hash).includes(Number({v}.toPrecision(7)))")
     link = chromium.run("location.hash")
     for end, known in (
         (link, touched),
