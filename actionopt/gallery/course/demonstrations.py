@@ -27,7 +27,7 @@ from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
 FIGURE_SCRIPTS = ("lesson_figures.js", "lesson.js")
-STEP_SHARE = 0.12  # of a duration: each of the two steps from the ends to the shifted path
+RAMP_SHARE = 0.12  # of a duration: each of the two steps from the ends to the shifted path
 DEGREE = 24  # of the rule by which a page sums S over a segment: to round-off for smooth paths
 ROD, LENGTHS, ROD_TIME = 1.0, 0.04 * np.arange(-13, 14), 0.9  # m, m beside it, s
 ANGLES = (-1.2, 0.9)  # rad, of a pendulum at its start and its end
@@ -91,7 +91,7 @@ def noether() -> dict[str, Any]:
         scene = scenes.get(scene_name)
         solution = solve(scene.problem, tol=1e-11, guess=scene.guess)
         start, T = scene.problem.start.t, scene.problem.duration
-        cuts = start + T * np.array([0, STEP_SHARE, 1 - STEP_SHARE, 1])
+        cuts = start + T * np.array([0, RAMP_SHARE, 1 - RAMP_SHARE, 1])
         segments = [_rows(solution, *ends) for ends in pairwise(cuts)]
         q = solution(start + T * np.linspace(0, 1, 61))
         low, high = q.min(axis=1), q.max(axis=1)
@@ -104,7 +104,7 @@ def noether() -> dict[str, Any]:
             view = [[x - around for x in low], [x + around for x in high]]
         a, b = momenta if first else momenta[::-1]
         found[name] = {
-            **_law_and_numbers(scene.problem.system), "segments": segments, "T": T, "step": STEP_SHARE * T,
+            **_law_and_numbers(scene.problem.system), "segments": segments, "T": T, "step": RAMP_SHARE * T,
             "first": first, "flat": flat, "e": e, "c": c, "view": view, "polar": name == "planet",
             "axes": axes, "names": [*momenta, f"{a} + c {b}"],
             "grooves": 1.5 if name == "screw" else 0,
