@@ -162,7 +162,7 @@ def test_a_guess_is_worth_no_search_of_its_own(monkeypatch):
     """Where nothing is near a guess, no other first path to the surface is made."""
     spring = systems.oscillator()
     end = ao.Event(np.pi, None, on=lambda q, t: q[0] - 1)  # conjugate to the start
-    monkeypatch.setattr("actionopt.solver.on_surface.points", None)
+    monkeypatch.setattr("actionopt.solver.nearest_points.points", None)
     found = ao.solve(ao.Problem(spring, ao.Event(0, [0]), end), guess=[[0, 1]], throw=False)
     assert not found.success
 

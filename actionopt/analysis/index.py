@@ -300,7 +300,7 @@ def _duration(form: Form, bordered: Bordered) -> tuple[BorderTerm, float] | None
     """
     if bordered.late is None:
         return None
-    at, tr, asked = form.at, form.at.tr, bordered.asked
+    at, tr, asked = form.at, form.at.tr, bordered.problem
     lam = np.nan_to_num(at.rows) if tr.layout.rows else None
     there, y = Bordered.around(asked, at.path, lam, tr.lengths)
     row, layout = there.by_duration(y), there.first.layout

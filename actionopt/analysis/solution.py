@@ -468,7 +468,7 @@ class Solution:
         """
         if self.problem.is_course and not self.problem.closes:
             return inertia_through(self.discrete, self.error)
-        if self.problem.asked is not None or self.problem.closes:
+        if self.problem.has_free_boundary:
             return inertia_asked(self.discrete, self.error)
         return inertia(self.discrete, self.error)
 
@@ -541,9 +541,9 @@ class Solution:
     def discrete(self) -> DiscretePath:
         """The path as unknowns on its mesh, with multipliers; in contact, its problem is `Held`."""
         known, problem = self.known, self.problem
-        if self.contacts or not problem.system.r:
-            if known is not None and known.path is self.path and known.problem.free is problem:
-                return known
+        same = known is not None and known.path is self.path and known.problem.free is problem
+        if known is not None and same and (self.contacts or not problem.system.r):
+            return known
         held = Held(problem, self.contacts) if self.contacts else problem
         return DiscretePath.of(held, self.path, self.lam[: held.system.m].T)
 

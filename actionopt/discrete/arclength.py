@@ -114,7 +114,7 @@ class Branch:
     def first_unknowns(self, path: Path, lam: Array | None, s: float) -> Array:
         """Return the unknowns of the path at s, from which the branch is to begin."""
         problem = self.family(s)
-        if problem.has_open_ends or problem.closes or problem.is_joined:
+        if problem.has_free_boundary:
             known = problem, path, lam, self.lengths, moves_of(problem)
             around = Bordered.around(*known, times=self.times, kappa=self.kappa)
             self.bordered, y = around

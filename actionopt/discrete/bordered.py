@@ -53,21 +53,21 @@ class Bordered:
 
     Parameters
     ----------
-    asked : Problem
-        Its duration is free, its paths close, or its events lie on surfaces.
+    problem : Problem
+        As it was asked: its duration is free, its paths close, or its events lie on surfaces.
     first : Transcription
-        Of the asked one's `loose` problem, over a first duration: it sets the units.
+        Of its `loose` problem, over a first duration: it sets the units.
     borders : tuple of Border
         What stands beside the path.
     """
 
-    asked: Problem
+    problem: Problem
     first: Transcription
     borders: tuple[Border, ...]
     layout: BorderedLayout = field(init=False)
 
     def __post_init__(self) -> None:
-        self.free = self.asked.loose
+        self.free = self.problem.loose
         ends = np.cumsum([self.first.layout.size, *(b.size for b in self.borders)]).tolist()
         self.layout = self.first.layout.with_border(ends[-1] - ends[0])
         self.parts = [slice(a, b) for a, b in pairwise(ends)]
@@ -122,7 +122,7 @@ class Bordered:
     ) -> tuple[Bordered, Array]:
         """Return the same round a path over some duration, or over `times` of events."""
         tr, path = at.tr, at.path
-        borders: list[Border] = [*Rows.of(at)] if asked.on_surface or asked.through else []
+        borders: list[Border] = [*Rows.of(at)]
         given = times_of(asked)
         if not np.isfinite(given).all():
             legs = np.diff(times_of(tr.problem) if times is None else times)
@@ -171,7 +171,7 @@ class Bordered:
         """Return those of a path whose integrals may have any value, at multipliers zero."""
         pairs = zip(self.borders, self.parts, strict=True)
         kept = [(b, y[part]) for b, part in pairs if not isinstance(b, Integral)]
-        other = Bordered(self.asked, self.first, tuple(b for b, _ in kept))
+        other = Bordered(self.problem, self.first, tuple(b for b, _ in kept))
         return other, np.concatenate([y[: self.first.layout.size], *(beta for _, beta in kept)])
 
     @property
@@ -188,7 +188,7 @@ class Bordered:
     @property
     def resting(self) -> int:
         """Which event's time does not move with the duration: 0 for the start, -1 for the end."""
-        return 0 if self.asked.end.t is None else -1
+        return 0 if self.problem.end.t is None else -1
 
     @property
     def forces(self) -> slice:
@@ -220,7 +220,7 @@ class Bordered:
             for border, part in zip(self.borders, self.parts, strict=True):
                 if isinstance(border, Integral):
                     kappa = border.kappa(y[part])
-            times, found = times_of(self.asked), self.times_border
+            times, found = times_of(self.problem), self.times_border
             if found is not None:
                 times = found[0].times(y[found[1]])
             self._beside = beside
@@ -236,9 +236,9 @@ class Bordered:
             and (kappa is None or (kappa == last.problem.kappa).all())
         ):
             return last
-        if self.asked.is_joined or self.asked.free_time:
+        if self.problem.is_joined or self.problem.free_time:
             problem = self.free.found_at(times, kappa=kappa)
-        if self._like is not None and not (self.asked.is_joined or self._depends_on_clock):
+        if self._like is not None and not (self.problem.is_joined or self._depends_on_clock):
             return self._like.over_times(problem)
         before, ends = first.problem.boundaries, (float(times[0]), float(times[-1]))
         was, now = (np.array([e.t for e in p.through]) for p in (first.problem, problem))
@@ -251,8 +251,8 @@ class Bordered:
     @property
     def _depends_on_clock(self) -> bool:
         """Whether more than the rates changes with the duration."""
-        timed = any(e is not None and e.on.depends_on_time for e in self.asked.surfaces)
-        return timed or self.asked.system.structure.depends_on_time
+        timed = any(e is not None and e.on.depends_on_time for e in self.problem.surfaces)
+        return timed or self.problem.system.structure.depends_on_time
 
     def quadrature_defect(self, y: Array, *, followed: bool = True) -> tuple[Array, float]:
         """Return what another quadrature adds to the residual, (size,), and a free body's drift."""

@@ -70,7 +70,7 @@ class Factors:
         self._near: Callable[[Array], Array] | None = None  # what solves with a matrix near this
         # Of a closed path, whose events do not tell how large each coordinate is: another matrix,
         # and by what rows and columns of this one are scaled to it.
-        self._even = _equilibrate(layout, nonzeros, many) if layout.closes else None
+        self._even = _equilibrate(layout, nonzeros, many) if layout.closed else None
         self._corrections: list[tuple[Array, float]] = []
 
     def correct(self, step: Array, right: Array, ratio: float) -> None:

@@ -32,7 +32,7 @@ class MatrixLayout:
     rows: int  # multipliers
     storage: Literal["blocks", "sparse"]
     border: int = 0  # unknowns beside these, with dense rows and columns
-    closes: bool  # whether the last node is the first one
+    closed: tuple[int, ...]  # where the last node's places are at the first one, of a closed path
     blocks: Blocks
     kkt: Pattern
     probe: Array  # (size,), a smooth right-hand side of no symmetry
@@ -121,7 +121,6 @@ class Layout(MatrixLayout):
     ) -> None:
         super().__init__()
         self.system, self.closed, self.nodal = system, closed, nodal
-        self.closes = bool(closed)
         self.partial = in_force is not None  # whether rows are not in force at some nodes
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
@@ -391,7 +390,7 @@ class BorderedLayout(MatrixLayout):
 
     def __init__(self, inner: Layout, border: int) -> None:
         super().__init__()
-        self.inner, self.border, self.closes = inner, border, inner.closes
+        self.inner, self.border, self.closed = inner, border, inner.closed
         self.system, self.storage, self.blocks = inner.system, inner.storage, inner.blocks
         self.unknowns, self.rows = inner.unknowns, inner.rows
         self.probe = np.concatenate([inner.probe, np.zeros(border)])

@@ -36,7 +36,7 @@ from actionopt.families.trace import trace
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.between import Choices
 from actionopt.solver.ipopt import find
-from actionopt.solver.on_surface import paths_to_points
+from actionopt.solver.nearest_points import paths_to_points
 from actionopt.solver.pursue import first_acceptable
 from actionopt.solver.strategies import GUESS_ONLY, STRATEGIES
 from actionopt.solver.through import CLOSED_MOMENTUM, attempts

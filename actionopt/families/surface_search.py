@@ -7,7 +7,7 @@ import numpy as np
 from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.solver.first_paths import given_time
-from actionopt.solver.on_surface import near, sizes
+from actionopt.solver.nearest_points import near, sizes
 from actionopt.tools.types import Array
 
 # Ad hoc.

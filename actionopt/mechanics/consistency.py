@@ -99,7 +99,7 @@ def check_alike(problem: Any) -> None:
 def check_surfaces(problem: Any) -> None:
     """Raise ValueError where what an event lies on does not fit the rest of the question."""
     ends = problem.start, problem.end
-    both = problem.free_time and problem.start.t is None and problem.end.t is None
+    both = problem.start.t is None and problem.end.t is None
     if problem.advance is not None and problem.system.r:
         if problem.system.with_contact.structure.depends_on_time:
             raise ValueError(

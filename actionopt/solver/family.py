@@ -107,7 +107,7 @@ def soft_directions(here: Iterate, bordered: Bordered) -> list[Array]:
     beside = np.zeros((here.tr.layout.size, count))
     beside[:cut] = shares(here.tr)[:, None] * first
     borders = *bordered.without_phase(), PhaseCondition(beside, beside.T, np.zeros(count))
-    equations = Bordered(bordered.asked, bordered.first, borders)
+    equations = Bordered(bordered.problem, bordered.first, borders)
     known = here.z[: bordered.forces.start]
     factors = Factors(equations.layout, equations.kkt(np.concatenate([known, np.zeros(count)])))
     size = equations.layout.size

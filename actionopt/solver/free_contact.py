@@ -29,8 +29,8 @@ from actionopt.solver.first_paths import (
     straight,
 )
 from actionopt.solver.least_along import release_contacts
+from actionopt.solver.nearest_points import points, sizes
 from actionopt.solver.obstacle import Along
-from actionopt.solver.on_surface import points, sizes
 from actionopt.solver.refine import settle_on
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.verdict import message_of, solution_of

@@ -30,7 +30,7 @@ from actionopt.solver.durations import oscillations, turning_waypoints
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.free_contact import free_contact
 from actionopt.solver.iterate import AT_REST, ROUNDED
-from actionopt.solver.on_surface import (
+from actionopt.solver.nearest_points import (
     NEAREST_POINTS,
     motions,
     paths_between_given_times,

@@ -23,7 +23,7 @@ from actionopt.solver import window
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.family import LOST, softest_condition
-from actionopt.solver.on_surface import points
+from actionopt.solver.nearest_points import points
 from actionopt.solver.search import Search
 from actionopt.solver.strategies import (
     CHEAP,
