@@ -187,7 +187,7 @@ def spectrum(
                 label=style.IF_ROOM,
             )  # fmt: skip
     ax.set_xlabel(label("duration $T$", units.time))
-    ax.set_ylabel(label(r"eigenvalue of $\delta^2S$  ($\times\,T^2/\pi^2M$)"))
+    ax.set_ylabel(label(r"eigenvalue of $\delta^2S$ (of a free body: 1, 4, 9)"))
     words = say("index {k} at the full duration", k=data.index[-1])
     style.set_title(ax, solution, words)
     style.legend(ax, beside=True)

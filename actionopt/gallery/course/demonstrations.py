@@ -103,10 +103,12 @@ def noether() -> dict[str, Any]:
             around = 2 * e + 0.2
             view = [[x - around for x in low], [x + around for x in high]]
         a, b = momenta if first else momenta[::-1]
+        rule = "{0} \u2192 {0} + \u03b5, {1} \u2192 {1} + c \u03b5".format(a[2:], b[2:])
         found[name] = {
-            **_law_and_numbers(scene.problem.system), "segments": segments, "T": T, "step": RAMP_SHARE * T,
+            **_law_and_numbers(scene.problem.system), "segments": segments,
+            "T": T, "step": RAMP_SHARE * T,
             "first": first, "flat": flat, "e": e, "c": c, "view": view, "polar": name == "planet",
-            "axes": axes, "names": [*momenta, f"{a} + c {b}"],
+            "axes": axes, "rule": rule, "names": [*momenta, f"{a} + c {b}"],
             "grooves": 1.5 if name == "screw" else 0,
         }  # fmt: skip
     return {"systems": found}
@@ -143,15 +145,21 @@ def legendre() -> dict[str, Any]:
 
 
 def phase() -> dict[str, Any]:
-    """Return a mass on a spring and a pendulum, of unit mass, with a start each."""
+    """Return a mass on a spring and a pendulum, with a start and a spread of momenta; m = 1."""
     systems = {
-        "spring": (System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"]), 1.0, 0.6, 7.0),
-        "pendulum": (System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"]), 0.4, 1.2, 9.0),
+        "spring": (System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"]), 1.0, 0.6, 0.9, 7.0),
+        "pendulum": (
+            System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"]),
+            0.4,
+            1.2,
+            0.5,
+            9.0,
+        ),
     }
     return {
         "systems": {
-            name: {**_law_and_numbers(system), "q0": q0, "p0": p0, "T": T}
-            for name, (system, q0, p0, T) in systems.items()
+            name: {**_law_and_numbers(system), "q0": q0, "p0": p0, "spread": spread, "T": T}
+            for name, (system, q0, p0, spread, T) in systems.items()
         }
     }
 
@@ -203,11 +211,12 @@ DEMONSTRATIONS: dict[str, Demonstration] = {
             "screw": "a particle in a groove",
             "middle": "shift only the middle",
             "e": "shift \u03b5",
-            "c": "its share c",
+            "c": "share c",
             "shifted": "The motion, dashed, and its ghost",
             "momenta": "Momenta along the motion",
             "changes": "How S changes, first order",
             "ghost": "of the ghost",
+            "second_order": "of second order",
             "first_end": "start",
             "between": "between",
             "last_end": "end",
@@ -278,8 +287,8 @@ DEMONSTRATIONS: dict[str, Demonstration] = {
             "far.",
             "upright": "The line stands upright again: neighbours with different momenta are at "
             "one place. This is a focus, at t = {t} s.",
-            "behind": "The line has stood upright {k} times since the start: that many foci, and "
-            "index {k}.",
+            "behind": "How often the line has stood upright since the start: {k}. So many foci "
+            "there are, and so large is the index.",
         },
         phase,
     ),

@@ -7,6 +7,7 @@
   const { element, html, put, filled, slider, written, Panel } = globalThis.actionopt.panels;
   const STEP = 0.02, FINE = 0.1; // of a panel, for one key; with shift
   const SNAP = 0.012; // of a slider: nearer than this to a marked value it is that value
+  const MARGIN = 8; // pixels around what has no axes
   const HEAD = 7, WING = 0.45; // pixels of an arrow's head; rad to either side
 
   const MARKS = { // in the panel's own numbers; an arrow's head is of one size
@@ -120,8 +121,10 @@
       const seen = it.see(state, W);
       panels.forEach((panel) => {
         const { x, y, across, up, equal, marks, keys, says } = seen[panel.what];
+        const bare = across === null && up === null;
+        if (bare) panel.spread(MARGIN);
         panel.scale(x, y, equal);
-        if (across === null && up === null) panel.back.replaceChildren();
+        if (bare) panel.back.replaceChildren();
         else panel.axes(across, up);
         if (keys) panel.named(keys.map(([text, look]) => [W[text] ?? text, look]));
         panel.lines.replaceChildren();

@@ -64,7 +64,7 @@ globalThis.actionopt.figures = (() => {
         const measured = { middle, e, size, rise, first, between: first[1], drift, start: mixed[0], end: mixed[mixed.length - 1], spread: span(mixed)[1] - span(mixed)[0] };
         return {
           measured, values: { x: J(rise, size), y: written(drift, 3, most(mixed)), a: J(first[0], size), b: J(first[1], size), c: J(first[2], size) },
-          text: [`S = ${J(sum(still), Math.abs(sum(still)))}`, `${W.ghost}: ${J(sum(ahead), Math.abs(sum(still)))}`],
+          text: [it.rule, `S = ${J(sum(still), Math.abs(sum(still)))}`, `${W.ghost}: ${J(sum(ahead), Math.abs(sum(still)))}`, ...(middle ? [`${W.second_order}: ${J(rise - sum(first), Math.abs(rise))}`] : [])],
           shifted: {
             x: room(corners.map((r) => r[0])), y: room(corners.map((r) => r[1])), equal: true, across: it.axes[0], up: it.axes[1],
             marks: [
@@ -164,7 +164,7 @@ globalThis.actionopt.figures = (() => {
 
   // -- motions of one coordinate as curves in the plane of places and momenta
   const phase = (data) => {
-    const DT = 0.01, STARTS = 15, SPREAD = 0.9, CLOSE = 1e-6; // s; motions; of the momentum; of a difference of momenta
+    const DT = 0.01, STARTS = 15, CLOSE = 1e-6; // s; motions; a difference of momenta
     const laws = Object.fromEntries(Object.entries(data.systems).map(([name, it]) => [name, lagrangian(it)]));
     const run = (name, p0) => { // m = 1, v = p; Runge and Kutta's method
       const force = (q, v) => laws[name]([q], [v], 0).Lq[0], { q0, T } = data.systems[name], found = [[q0, p0]];
@@ -176,7 +176,7 @@ globalThis.actionopt.figures = (() => {
       return found;
     };
     const fans = {}, fan = (name) => (fans[name] ??= (() => {
-      const { p0 } = data.systems[name], motions = range(p0 - SPREAD, p0 + SPREAD, STARTS).map((p) => run(name, p)), own = run(name, p0), [more, less] = [CLOSE, -CLOSE].map((by) => run(name, p0 + by));
+      const { p0, spread } = data.systems[name], motions = range(p0 - spread, p0 + spread, STARTS).map((p) => run(name, p)), own = run(name, p0), [more, less] = [CLOSE, -CLOSE].map((by) => run(name, p0 + by));
       const lean = own.map((_, k) => [0, 1].map((i) => (more[k][i] - less[k][i]) / (2 * CLOSE)));
       const foci = lean.flatMap(([x], k) => (k > 1 && x * lean[k - 1][0] < 0 ? [DT * (k - 1 + lean[k - 1][0] / (lean[k - 1][0] - x))] : []));
       return { motions, own, lean, foci };

@@ -45,9 +45,7 @@
 
     layout() {
       super.layout();
-      const width = Math.max(240, this.svg.clientWidth);
-      Object.assign(this, { left: 8, right: width - 8, top: 8, bottom: this.height(width) - 8 });
-      put(this.frame, { x: 0, y: 0, width: this.right + 8, height: this.bottom + 8 });
+      this.spread(8);
       const [a, b, c, d] = this.data.box, room = 0.15 * Math.max(b - a, d - c, 1e-9);
       this.scale([a - room, b + room], [c - room, d + room], true);
     }

@@ -79,6 +79,13 @@ globalThis.actionopt.panels = (() => {
       put(this.frame, { x: this.left, y: this.top - 6, width: this.right - this.left, height: this.bottom - this.top + 8 });
     }
 
+    // All of it for what has no axes, but for a margin.
+    spread(margin) {
+      const [, , width, height] = this.svg.getAttribute("viewBox").split(" ").map(Number);
+      Object.assign(this, { left: margin, right: width - margin, top: margin, bottom: height - margin });
+      put(this.frame, { x: 0, y: 0, width, height });
+    }
+
     scale(x, y, equal = false) {
       let a = (this.right - this.left) / (x[1] - x[0]), b = (this.bottom - this.top) / (y[1] - y[0]);
       if (equal) a = b = Math.min(a, b);
