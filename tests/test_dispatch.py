@@ -92,3 +92,12 @@ def test_tasks_end_with_the_time_that_is_given():
     with ThreadPoolExecutor(1) as pool, pytest.raises(TimeUp), time_limit(0.05):
         dispatch(endless, [(0, ())], pool, lambda *_: None)
     assert perf_counter() - began < 5
+
+
+def test_while_an_executor_works_it_is_said_that_one_waits(monkeypatch):
+    monkeypatch.setattr("actionopt.families.dispatch.LOG_PACE", 0.004)
+    done = []
+    dispatch(
+        double, TASKS[:1], Pool(), lambda *answer: done.append(answer), lambda: done.append("waits")
+    )
+    assert done.count("waits") >= 2 and done[-1] == (0, 20)

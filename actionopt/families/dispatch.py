@@ -8,12 +8,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from threading import Event
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from actionopt.families.task import Answers
 from actionopt.tools.journal import Journal
+from actionopt.tools.progress import LOG_PACE
 from actionopt.tools.watch import Progress, TimeUp, check_time, time_left, time_limit
 
 if TYPE_CHECKING:
@@ -58,6 +60,10 @@ class Intake:
         self.entered.add(task)
         self.done += answers["members"].size
         self.failed += int(np.isnan(answers["action"]).sum())
+        self.report()
+
+    def report(self) -> None:
+        """Tell `progress` how far it is."""
         if self.progress is not None:
             self.progress(self.stage, self.done, self.total, {"failed": self.failed})
 
@@ -75,8 +81,11 @@ def dispatch(
     tasks: Iterable[tuple[int, tuple]],
     executor: Executor | None,
     done: Callable[[int, Any], None],
+    waits: Callable[[], None] = lambda: None,
 ) -> None:
     """Have `work(*given)` done for each (task, given), and call `done(task, answers)`.
+
+    While nothing comes of an executor `waits` is called each ten seconds.
 
     An interruption (KeyboardInterrupt) sends no more to an executor; tasks that have begun are
     waited for and entered, which a line on the standard error says. Another one leaves them at
@@ -90,17 +99,32 @@ def dispatch(
     flying: dict[int, Future] = {}
     arrived: SimpleQueue[int] = SimpleQueue()
 
+    told = perf_counter()
+
+    def tell() -> None:
+        nonlocal told
+        if perf_counter() - told >= LOG_PACE:
+            told = perf_counter()
+            waits()
+
+    def next_one() -> int:
+        while True:
+            left = time_left()
+            with suppress(Empty):
+                return arrived.get(timeout=LOG_PACE if left is None else min(left, LOG_PACE))
+            if time_left() == 0:
+                raise TimeUp
+            tell()
+
     def enter() -> None:
-        try:
-            task = arrived.get(timeout=time_left())
-        except Empty:
-            raise TimeUp from None
+        task = next_one()
         done(task, flying[task].result())
         del flying[task]
 
     try:
         for task, given in tasks:
             check_time()
+            tell()  # some seconds may go by until a task is ready
             flying[task] = executor.submit(_within, time_left(), work, *given)
             flying[task].add_done_callback(lambda _, task=task: arrived.put(task))
             while len(flying) >= IN_FLIGHT or not arrived.empty():

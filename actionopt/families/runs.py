@@ -364,7 +364,7 @@ class Runs:
             left = (k for k in range(len(tasks)) if k not in intake.entered)
             given = ((k, (question, *self._retry_task(tasks[k], position, guess))) for k in left)
             with time_limit(seconds):
-                dispatch(work, given, executor, intake)
+                dispatch(work, given, executor, intake, intake.report)
         except KeyboardInterrupt:
             retried = "partly"
         except Exception as error:

@@ -96,9 +96,10 @@ def sweep(
         begun.
     progress : callable, optional
         `progress(stage, done, total, detail)` after each task: "sweep", the members that are done,
-        all members, and {"failed": how many of those done failed}. An interruption
-        (KeyboardInterrupt) ends the sweep and keeps what is done: at once in this process; tasks
-        that an executor has begun are waited for, unless it is interrupted again.
+        all members, and {"failed": how many of those done failed}; and each ten seconds while an
+        executor works. An interruption (KeyboardInterrupt) ends the sweep and keeps what is done:
+        at once in this process; tasks that an executor has begun are waited for, unless it is
+        interrupted again.
     resume : str or path, optional
         A file that keeps what is finished, task by task, and is written if there is none. The same
         call goes on from there after whatever ended the process.
@@ -288,7 +289,7 @@ class _SweepRun:
         for task, answers in finished.items():
             self.intake(task, answers, kept=True)
         tasks = ((k, self._arguments(k)) for k in range(self.tasks) if k not in finished)
-        dispatch(work, tasks, self.executor, self.intake)
+        dispatch(work, tasks, self.executor, self.intake, self.intake.report)
 
     def _arguments(self, task: int) -> tuple:
         """Return the arguments of `work`."""
