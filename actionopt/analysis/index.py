@@ -34,6 +34,7 @@ from actionopt.discrete.bordered import Bordered, equations_of, null_space
 from actionopt.discrete.borders import Rows, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, full
+from actionopt.discrete.increments import Increments, is_stiff
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -237,6 +238,13 @@ def _on_its_mesh(
     else:
         matrix = equations.kkt(z)
 
+    stiff = is_stiff(equations, z)
+    if stiff and (layout.rows or layout.closed):
+        raise ValueError(
+            "expected signs of the second variation that are known, found elements so short that "
+            "their round-off hides them, along a path that closes or has constraints; ask for less "
+            "accuracy"
+        )
     basis = null_space(equations, full(layout, matrix)) if layout.rows and tr.order > 1 else None
 
     def below(mu: float) -> int:
@@ -245,6 +253,8 @@ def _on_its_mesh(
             # The rows are integrals of functions that nearly depend on one another on elements of a
             # high degree: signs of the pivots of the whole would be round-off.
             return int(np.sum(np.linalg.eigvalsh(basis.T @ full(layout, shifted) @ basis) < 0))
+        if stiff:
+            return Increments(equations, z, shifted, mu).negative() - multipliers
         return Factors(layout, shifted).negative() - multipliers
 
     index = below(-tolerance)

@@ -124,18 +124,9 @@ def _of_higher_order(tr: Action, L: Array, x: Array | None = None) -> Array:
     elements, _ = layout.blocks.split(nonzeros)
     unit = tr.place_units.reshape(r, n)
     for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
-        shape, half, (E, points) = layout.shapes[k], tr.halves[k][:, 0], g.nodes.shape
-        M = np.zeros((E, points * points, n * n))
-        for i in range(r + 1):
-            for j in range(r + 1):
-                part = L[g.span, i, :, j].reshape(E, points, n * n)
-                if part.any():
-                    M += shape.stiffness[i][j] @ (part * (half ** (1 - i - j))[:, :, None])
-        M = M.reshape(E, points, points, n, n).transpose(0, 1, 3, 2, 4)
-        scale = shape.scale(half.ravel())[:, :, None] * unit[shape.derivative]
-        M = M * scale[:, :, :, None, None] * (scale / tr.action_unit)[:, None, None]
+        shape = layout.shapes[k]
         at = (shape.node * layout.blocks.width + shape.derivative * n)[:, None] + np.arange(n)
-        whole[:, at.ravel()[:, None], at.ravel()] = M.reshape(E, points * n, -1)
+        whole[:, at.ravel()[:, None], at.ravel()] = _sum_elements(tr, L, k, shape.stiffness)
         if layout.rows and x is not None:
             m, cols = tr.problem.system.m, layout.G_cols
             row = (shape.node * layout.blocks.width + layout.width + shape.derivative * m)[:, None]
@@ -147,6 +138,36 @@ def _of_higher_order(tr: Action, L: Array, x: Array | None = None) -> Array:
     if layout.closed:
         _close(tr, elements)
     return nonzeros
+
+
+def by_increments(tr: Action, z: Array, shift: float) -> list[Array]:
+    """Return the elements' matrices of each degree, (E, (d + 1) n, (d + 1) n), by other unknowns.
+
+    By what each end is beside the polynomial that its start makes (`Element.derivatives`). Of the
+    matrix less `shift` times its kinetic part.
+    """
+    A, B, C = tr.second(z[: tr.layout.unknowns])
+    L = _second(tr, z, A, B, (1.0 - shift) * C)
+    return [
+        _sum_elements(tr, L, k, shape.by_increments) for k, shape in enumerate(tr.layout.shapes)
+    ]
+
+
+def _sum_elements(tr: Action, L: Array, group: int, stiffness: list[list[Array]]) -> Array:
+    """Return sum w B_i' L_ij B_j of the elements of one degree, (E, (d + 1) n, (d + 1) n)."""
+    g, shape, half = tr.layout.groups[group], tr.layout.shapes[group], tr.halves[group][:, 0]
+    (E, points), n, r = g.nodes.shape, tr.problem.system.n, tr.order
+    M = np.zeros((E, points * points, n * n))
+    for i in range(r + 1):
+        for j in range(r + 1):
+            part = L[g.span, i, :, j].reshape(E, points, n * n)
+            if part.any():
+                M += stiffness[i][j] @ (part * (half ** (1 - i - j))[:, :, None])
+    M = M.reshape(E, points, points, n, n).transpose(0, 1, 3, 2, 4)
+    unit = tr.place_units.reshape(r, n)
+    scale = shape.scale(half.ravel())[:, :, None] * unit[shape.derivative]
+    M = M * scale[:, :, :, None, None] * (scale / tr.action_unit)[:, None, None]
+    return M.reshape(E, points * n, points * n)
 
 
 def _close(tr: Action, elements: list[Array]) -> None:

@@ -13,6 +13,7 @@ In the time xi in [-1, 1] of an element of length h derivatives are (h / 2)^k q^
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -56,10 +57,23 @@ class Element:
     @cached_property
     def stiffness(self) -> list[list[Array]]:
         """For derivatives i, j the matrices w_k B_i,ka B_j,kb, ((d + 1)^2, d + 1): row (a, b)."""
+        return self._weigh(self.basis)
+
+    @cached_property
+    def by_increments(self) -> list[list[Array]]:
+        """The same where the ends' values are what they are beside the `taylor` of the start."""
+        bases, (rows, _) = [basis.copy() for basis in self.basis], self.taylor
+        for basis in bases:
+            basis[:, : self.order] = 0.0
+        for basis, row in zip(bases, rows, strict=False):
+            basis[:, : self.order] = row
+        return self._weigh(bases)
+
+    def _weigh(self, bases: Sequence[Array]) -> list[list[Array]]:
         w, count = self.rule.weights, self.rule.degree + 1
         return [
-            [np.einsum("k,ka,kb->abk", w, x, y).reshape(count * count, -1) for y in self.basis]
-            for x in self.basis
+            [np.einsum("k,ka,kb->abk", w, x, y).reshape(count * count, -1) for y in bases]
+            for x in bases
         ]
 
     @cached_property

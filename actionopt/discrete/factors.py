@@ -71,17 +71,6 @@ class Factors:
         # Of a closed path, whose events do not tell how large each coordinate is: another matrix,
         # and by what rows and columns of this one are scaled to it.
         self._even = _equilibrate(layout, nonzeros, many) if layout.closed else None
-        self._corrections: list[tuple[Array, float]] = []
-
-    def correct(self, step: Array, right: Array, ratio: float) -> None:
-        """Take out of later solutions what the matrix has wrong in one direction.
-
-        `step` is the solution for `right`, and what the exact equations leave of that when it is
-        taken is the `ratio` of it: with the exact matrix K, this one being M, M^-1 (M - K) has that
-        eigenvalue and that eigenvector u, and K^-1 b = M^-1 b + ratio / (1 - ratio) u u.b / u.M u.
-        """
-        gain = ratio / ((1 - ratio) * float(step @ right))
-        self._corrections.append((step, gain))
 
     def near(self, nonzeros: Array) -> Factors:
         """Return those of a matrix near this one: solutions are refined from this one's.
@@ -158,12 +147,6 @@ class Factors:
 
         Its residual is `enough` where it has to be refined, relative to the right-hand side.
         """
-        x = self._solve(right, enough)
-        for direction, gain in self._corrections:
-            x = x + gain * float(direction @ right) * direction
-        return x
-
-    def _solve(self, right: Array, enough: float) -> Array:
         if self._even is not None:
             factors, scale = self._even
             return scale * factors.solve(scale * right, enough)
@@ -198,8 +181,6 @@ class Factors:
 
     def solve_both(self, one: Array, other: Array) -> tuple[Array, Array]:
         """Return the solutions for two right-hand sides, which may be factorized for once."""
-        if self._corrections:
-            return self.solve(one), self.solve(other)
         if self.pairs and self._pays:
             one, other = _solver(self.layout, "ldl", 2)(self._regular, np.stack([one, other]))
             return one, other

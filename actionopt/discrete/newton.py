@@ -17,6 +17,7 @@ import numpy as np
 
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors, product
+from actionopt.discrete.increments import factorize, is_reliable, is_stiff
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import EPS, Array
 
@@ -29,8 +30,6 @@ DISTURBED = 5  # steps granted for the multipliers to settle
 SURELY = 0.1  # a ratio of steps that leaves no doubt of it
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
-SERIES = 8  # steps: three tell that they are a series, and there may be two directions; ad hoc
-IN_SERIES = 0.01  # relative, by which they may differ from a geometric series; ad hoc
 # Of the ends' movement, for a derivative of one-sided differences that is good to as many digits.
 ENDS_DIFFERENCE = 1e-5
 HALF_DIGITS = 1e-8  # of the terms: a larger residual is no round-off, whatever the matrix is
@@ -95,7 +94,9 @@ def follow(
                 if linear and isinstance(tr, Transcription) and tr.problem.system.structure.steady:
                     factors = _steady(tr, z, many)
                 else:
-                    factors = Factors(tr.layout, tr.kkt(z), many=many)
+                    factors = factorize(tr, z, many=many)
+                if is_stiff(tr, z) and not is_reliable(tr, factors, z, residual):
+                    return Followed(z, False, np.inf, k, np.inf)
                 z, rest, ratio, converged = _steps(tr, factors, z, residual, linear, target, enough)
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
@@ -121,8 +122,9 @@ def follow(
 
 def _steady(tr: Transcription, z: Array, many: bool) -> Factors:
     """Return factors of the matrix at z, where it is the same at any z; small ones are kept."""
-    if not tr.layout.small or tr.nodal or tr.watch is not None:  # it is told of second derivatives
-        return Factors(tr.layout, tr.kkt(z), many=many)
+    watched = tr.watch is not None  # it is told of second derivatives
+    if not tr.layout.small or tr.nodal or watched or is_stiff(tr, z):
+        return factorize(tr, z, many=many)
     known = tr.layout.solvers.get("steady")
     if known is None or known[0] is not tr.weight:  # which problems with other ends share
         known = tr.layout.solvers["steady"] = tr.weight, Factors(tr.layout, tr.kkt(z))
@@ -154,9 +156,6 @@ def _steps(
         if converged or rest <= target:
             if not residual.any():  # a path of zeros has no round-off of its own
                 rest = tr.relative_step(factors.solve(_roundoff(tr, factors)))
-            elif linear and rest > ROUNDOFF_STEP and tr.layout.system.order > 1:
-                z, rest, converged = _correct_matrix(tr, factors, z, step)
-                return z, rest, ratio, converged
             return z, rest, ratio, True
         ratio = rest / size if size else 0.0
         stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
@@ -168,35 +167,6 @@ def _steps(
     if again and ratio > CONTRACTION:  # near a singular matrix another one may serve
         ratio = CONTRACTION
     return z - step, rest, ratio, False
-
-
-def _correct_matrix(
-    tr: Equations, factors: Factors, z: Array, step: Array
-) -> tuple[Array, float, bool]:
-    """Return where simplified steps lead once the matrix is corrected, and what is left of them.
-
-    And whether they converged: not if they go on in one direction and no ratio of theirs lasts. The
-    step given is the next one. Where accelerations are in L an entry of the matrix is as large as
-    1 / h^3, and its round-off may be more than what holds the path as a whole: as a spring at one
-    place would, and each step is the same multiple of the last. Those of a residual of round-off
-    are multiples as well, but no two of them the same.
-    """
-    known, right = np.nan, tr.residual(z)
-    for _ in range(SERIES):
-        there = z - step
-        residual = tr.residual(there)
-        following = factors.solve(residual)
-        ratio = float(step @ following) / float(step @ step)
-        if not _norm(following - ratio * step) <= IN_SERIES * _norm(following):
-            ratio = np.nan
-        elif abs(ratio - known) <= IN_SERIES * abs(1 - ratio):
-            factors.correct(step, right, ratio)
-            following, ratio = factors.solve(residual), np.nan
-        known, z, step, right = ratio, there, following, residual
-        if tr.relative_step(step) <= ROUNDOFF_STEP:  # exactly zero, too
-            break
-    rest = tr.relative_step(step)
-    return z, rest, not rest > ROUNDOFF_STEP or not abs(known) > SURELY
 
 
 def move_ends(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bool]:

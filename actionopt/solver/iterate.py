@@ -20,6 +20,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
+from actionopt.discrete.increments import factorize
 from actionopt.discrete.newton import Followed
 from actionopt.discrete.resolution import Resolution, resolution
 from actionopt.mechanics.laws import Structure
@@ -153,7 +154,7 @@ class Iterate(DiscretePath):
     def index(self) -> int:
         """The number of variations on the mesh that lower the action."""
         layout = self.tr.layout
-        factors = self.factors or Factors(layout, self.tr.kkt(self.z))
+        factors = self.factors or factorize(self.tr, self.z)
         return factors.negative() - layout.rows
 
     @property
@@ -170,7 +171,7 @@ class Iterate(DiscretePath):
         if self.factors is not None:
             return self
         equations = self.equations
-        return replace(self, factors=Factors(equations.layout, equations.kkt(self.z), many=many))
+        return replace(self, factors=factorize(equations, self.z, many=many))
 
     def with_fresh_factors(self) -> Self:
         """Return the same with factors of the matrix where the path is, not close to it."""
@@ -271,7 +272,7 @@ class Iterate(DiscretePath):
         if not self.late and self.tr.origin is None:
             return 0.0
         equations = self.equations
-        factors = Factors(equations.layout, equations.kkt(self.z))
+        factors = factorize(equations, self.z)
         return equations.relative_step(factors.solve(equations.misread(self.z))) * self.unit
 
     @property
@@ -313,7 +314,7 @@ class UnfixedPath(Iterate):
     def index(self) -> int:
         """The number of variations on the mesh that lower W, those of times and phases besides."""
         bordered = self.bordered
-        factors = Factors(bordered.layout, bordered.hessian(self.z))
+        factors = factorize(bordered, self.z, nonzeros=bordered.hessian(self.z))
         return factors.negative() - bordered.layout.rows - bordered.multipliers
 
     @property

@@ -17,6 +17,7 @@ import numpy as np
 from actionopt.analysis.status import Status
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.element import with_degrees
+from actionopt.discrete.increments import is_stiff
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import DEGREES
@@ -366,7 +367,10 @@ class Search:
             mesh = plan_layers(self.ws.here.tr, self.ws.here.z)
             if mesh is not None:
                 self.ws.transcribe(mesh, None)
-        return self.refine() if self.ws.follow() else Status.DEGENERATE
+        if self.ws.follow():
+            return self.refine()
+        stiff = is_stiff(self.ws.here.equations, self.ws.here.z)  # then the matrix tells nothing
+        return Status.UNRESOLVED if stiff else Status.DEGENERATE
 
     def begin(self, name: str, least: bool = False) -> None:
         """Say which way is tried now."""
