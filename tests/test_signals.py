@@ -9,6 +9,7 @@ from actionopt.discrete.factors import Factors
 from actionopt.solver import strategies
 from actionopt.solver.search import EXPENSIVE, Strategy
 from actionopt.solver.solve import BY_METHOD, solve_near
+from actionopt.solver.workspace import PATIENT
 from actionopt.tools.watch import OutOfTime, Spent, Watch
 
 PENDULUM = systems.pendulum(g=9.81)
@@ -91,7 +92,7 @@ class NearAndSpent(Strategy):
     cost = EXPENSIVE
 
     def seek(self, ws):
-        assert ws.approach(strategies.PATIENT)
+        assert ws.approach(PATIENT)
         ws._note_unpolished(ws.here)
         assert ws.unpolished is not None
         ws.transcribe(ws.here.mesh, None)  # goes on elsewhere

@@ -16,6 +16,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.closed import LOOKED_AT, begin_later, states_beyond
 from actionopt.solver.through import objection
@@ -23,7 +24,6 @@ from actionopt.solver.verdict import message_of
 from actionopt.tools.types import EPS, Array
 
 ZERO_PLACE = 100 * EPS  # of a coordinate's size, where a path passes zero; ad hoc
-PASSAGE_BISECTIONS = 60  # of a step between times looked at: beyond round-off
 NOT_MET = "the closed path found without its surface does not meet it: move the surface"
 
 
@@ -71,7 +71,7 @@ def _first_passage(problem: Problem, free: Solution) -> float | None:
         return None
     k = int(passed[0])
     low, high = since[k], since[k + 1]
-    for _ in range(PASSAGE_BISECTIONS):
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
         same = off(np.array([middle]))[0] * values[k] > 0
         low, high = (middle, high) if same else (low, middle)

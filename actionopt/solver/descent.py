@@ -23,7 +23,6 @@ from actionopt.tools.types import Array
 DESCENT_STEPS = 60
 FIRST_MU, RAISE_MU, LOWER_MU, LARGEST_MU = 0.01, 3.0, 0.3, 1e6  # in units of K
 SUFFICIENT_DECREASE = 1e-2  # Armijo's: share of what the gradient promises that a step must bring
-DESCENT_REACH = 1.0  # a step longer than this many times the path jumps over what lies between
 # A shorter step changes S by its square, 1e-20, which is round-off of S: derived, and on the safe
 # side for curvatures far from one.
 SHORTEST_DESCENT = 1e-10
@@ -59,7 +58,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
         while count < DESCENT_STEPS and np.abs(z).max() < RUNAWAY:
-            farthest = DESCENT_REACH * max(1.0, float(np.abs(z).max()))
+            farthest = max(1.0, float(np.abs(z).max()))  # farther it jumps over what lies between
             H, K = tr.kkt(z), tr.kinetic(z)
             if not (np.isfinite(H).all() and np.isfinite(K).all()):
                 break

@@ -12,6 +12,7 @@ import numpy as np
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.scales import diagonal
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.iterate import ROUNDED
@@ -22,16 +23,16 @@ RATE_STEPS = 40  # of the fixed point for the rate: one where L is quadratic in 
 SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
 ROUND = 81  # waypoints of a guess
 EQUILIBRIUM_STEPS = 20  # of Newton's method to an equilibrium
-TURNING = 1e-7  # real part of a rate that is imaginary, of the largest
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
 LINE = 41  # points on the straight line
-HALVED = 60  # times: derived, an interval has the length of its round-off after 53 halvings
 # Of one coordinate: points of its quadrature at most, and what one more halving may change of the
 # duration in each interval.
 QUADRATURE_POINTS, QUADRATURE_CHANGE = 4000, 1e-6
-# Part of an energy within which a point may be a turning point, and two paths one; derived: half
-# the digits.
+# Part of an energy within which a point may be a turning point, and two paths one; real part of a
+# rate that is imaginary, of the largest. Derived: half the digits.
 MERGED = 1e-7
+# Part of a duration within which Newton's method takes over from steps towards it.
+NEAR_DURATION = 0.03
 
 
 def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]:
@@ -98,7 +99,7 @@ def straight_passage(problem: Problem) -> tuple[Array, Array, Array] | None:
 
     s = np.linspace(0.0, 1.0, LINE)
     rate = speeds(s)
-    for _ in range(HALVED):
+    for _ in range(BISECTIONS):
         middle = (s[1:] + s[:-1]) / 2
         between = speeds(middle)
         if not (np.isfinite(rate).all() and np.isfinite(between).all() and between.all()):
@@ -208,7 +209,7 @@ def turning_waypoints(problem: Problem) -> Array | None:
     ends = []
     for wall, step in ((walls[walls < k][-1], 1), (walls[walls > k][0], -1)):
         within, beyond = x[wall + step], x[wall]
-        for _ in range(HALVED):
+        for _ in range(BISECTIONS):
             middle = (within + beyond) / 2
             within, beyond = (
                 (middle, beyond) if left(np.array([middle]))[0] > 0 else (within, middle)
@@ -258,7 +259,7 @@ def oscillations(problem: Problem) -> list[Path]:
     found = []
     for k in np.argsort(-turning):
         w, eta = float(turning[k]), modes[: system.n, k]
-        if w <= 0 or abs(growing[k]) > TURNING * np.abs(rates).max():
+        if w <= 0 or abs(growing[k]) > MERGED * np.abs(rates).max():
             continue
         u, speed = np.real(eta), -w * np.imag(eta)
         energy = (speed @ C @ speed - u @ A @ u) / 2

@@ -31,6 +31,7 @@ from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import (
     LINE,
     MERGED,
+    NEAR_DURATION,
     rates,
     return_time,
     straight_passage,
@@ -51,9 +52,8 @@ TRIED_DURATIONS = np.logspace(-8, 8, 65)  # durations at which a straight line i
 PARABOLAS = 12  # steps to the least energy of paths over given durations
 BELOW_LOWEST = 0.9  # of the duration of the lowest path
 # Half lengths of its first and last element, from their middles, that a motion is carried on; parts
-# of its duration that are cut off at most; steps to where it passes a place, and such parts within
-# which it passes there.
-AHEAD, DURATION_CUT, DURATION_CUTS, DURATION_NEAR = 3.0, 0.4, 6, 0.02
+# of its duration that are cut off at most; steps to where it passes a place.
+AHEAD, DURATION_CUT, DURATION_CUTS = 3.0, 0.4, 6
 
 
 @dataclass
@@ -368,9 +368,9 @@ def cut_at_passage(problem: Problem, path: Path) -> Path:
         square = (rates * rates).sum(axis=0)
         by = np.divide((away * rates).sum(axis=0), square, out=np.zeros(2), where=square > 0)
         at = (at - by).clip(low, high)
-        if np.abs(by).max() <= DURATION_NEAR * ends[1]:
+        if np.abs(by).max() <= NEAR_DURATION * ends[1]:
             break
-    if not np.abs(at - ends).max() > DURATION_NEAR * ends[1]:
+    if not np.abs(at - ends).max() > NEAR_DURATION * ends[1]:
         return path
     T = at[1] - at[0]
     values = path.carried_on(at[0] + mesh.nodes_since * (T / ends[1]), AHEAD)[0]

@@ -21,6 +21,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, solve_on_the_way
+from actionopt.solver.durations import NEAR_DURATION
 from actionopt.solver.first_paths import (
     FIRST_TOL,
     REPRESENTED,
@@ -39,7 +40,7 @@ from actionopt.tools.watch import OutOfTime, Watch
 
 # Ad hoc.
 TRIED = 3  # pairs of points on surfaces
-DURATIONS, LASTING = 4, 0.03  # durations tried, until one is so near that of the energy
+DURATIONS = 4  # durations tried, until one is near that of the energy
 NOWHERE = "no path between given events near these was found"
 
 
@@ -100,7 +101,7 @@ def _between_given(
             if not found.success:
                 break
             last, T = T, duration_along(fixed, found.path.values.T)
-            if abs(T / last - 1) < LASTING:
+            if abs(T / last - 1) < NEAR_DURATION:
                 break
             near = found
         yield found

@@ -15,8 +15,8 @@ from actionopt.discrete.resolution import Resolution, cheapest_mesh, resolution
 from actionopt.solver.first_mesh import COARSE_DEGREE
 from actionopt.solver.iterate import sizes
 from actionopt.solver.search import REACHED, Search
-from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT, PATIENT
-from actionopt.solver.workspace import FOLLOWED_REACH, ROUGHLY
+from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT
+from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, ROUGHLY
 
 GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
 # Elements tried before. Measured on chains, bodies and lattices: half the time, at any tolerance.

@@ -28,7 +28,7 @@ from actionopt.solver.first_paths import (
     line,
     straight,
 )
-from actionopt.solver.unfixed import APPROACHES
+from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
@@ -51,7 +51,7 @@ def paths_to_points(
             continue
         tr = Transcription(fixed, first.mesh, fixed.lengths)
         tr.watch = watch
-        found = approach(tr, tr.pack(first.values.T), APPROACHES)
+        found = approach(tr, tr.pack(first.values.T), PATIENT)
         yield first if found is None else DiscretePath(tr, found[0]).polish().path
 
 

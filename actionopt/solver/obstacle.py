@@ -39,6 +39,7 @@ from actionopt.mechanics.switches import is_smooth
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.ipopt import IPOPT_TOLERANCE
 from actionopt.solver.iterate import Iterate, UnfixedPath
+from actionopt.solver.signals import HALVINGS
 from actionopt.solver.touching import (
     is_of_higher_order,
     normal_turns,
@@ -55,7 +56,6 @@ FLAT = 1e-3  # in units of the rows' typical gradients: a row has none
 FLATTEST = 1e-6  # of its gradient on the straight line: a row that still has a unit of its own
 TURN = np.pi / 4  # of the obstacle's normal along one of these
 JOINS = 25  # steps to the times of contact
-LEAST_PART = 1 / 64  # of a force that is taken away
 RUNAWAY_STEP = 10.0  # in units of the motion: a longer step leads nowhere
 SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # Of the duration, in this range the tolerance: a shorter part between times of contact is none. Of
@@ -275,7 +275,7 @@ class Along(Workspace[Iterate]):
                     continue
             self.problem, self.here, self.units = problem, here, units
             part /= 2
-            if part < LEAST_PART:
+            if part < 2.0**-HALVINGS:
                 return False
         return True
 

@@ -17,13 +17,13 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.durations import NEAR_DURATION
 from actionopt.solver.iterate import coordinate_scales
-from actionopt.solver.unfixed import APPROACHES
+from actionopt.solver.signals import HALVINGS
+from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 
-# Ad hoc: steps, halvings of one, and of the logarithms of durations the step at which Newton's
-# method on all unknowns takes over, and the longest one.
-TIME_STEPS, HALVINGS, NEAR_TIMES, FAR_TIMES = 20, 6, 0.05, 1.0
+TIME_STEPS = 20  # ad hoc
 
 
 def lower(problem: Problem, path: Path, times: Array) -> tuple[Path, Array] | None:
@@ -42,7 +42,7 @@ def lower(problem: Problem, path: Path, times: Array) -> tuple[Path, Array] | No
     def over_times(y: Array) -> tuple[Array, float] | None:
         """Return the unknowns of the path over the times of y, and S + E T."""
         tr = equations.at(y)
-        found = approach(tr, y[: own.start], APPROACHES)
+        found = approach(tr, y[: own.start], PATIENT)
         if found is None:
             return None
         t = border.times(y[own])
@@ -59,9 +59,9 @@ def lower(problem: Problem, path: Path, times: Array) -> tuple[Path, Array] | No
         except np.linalg.LinAlgError:
             return None
         slope, size = float(residual[own] @ step), float(np.abs(step).max())
-        if size < NEAR_TIMES and slope < 0:
+        if size < NEAR_DURATION and slope < 0:
             return equations.discrete(y).path, border.times(y[own])
-        step *= -np.sign(slope) * min(1.0, FAR_TIMES / size)
+        step *= -np.sign(slope) * min(1.0, 1 / size)  # no duration grows by more than e
         for _ in range(HALVINGS):
             now = over_times(np.r_[y[: own.start], y[own] + step])
             if now is not None and now[1] < action:

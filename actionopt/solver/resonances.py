@@ -25,18 +25,18 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import CONTRACTION
 from actionopt.discrete.transcription import Transcription
 from actionopt.solver.component_newton import SETTLED
+from actionopt.solver.signals import HALVINGS
 from actionopt.tools.types import Array
 
 # Measured on pendulums of 30 to 100 links: what is found takes 5 to 60 factorizations, and holds up
 # to two modes at a time.
 FACTORIZATIONS, MOST_HELD = 100, 12
-# Ad hoc, lengths in units of the coordinates' sizes.
-RUNAWAY_MODE = 1.0  # step, beyond which a mode runs away
+# Ad hoc, lengths in units of the coordinates' sizes. A step longer than one is that of a mode that
+# runs away, and no amplitude grows by more at once.
 SETTLING = 2  # steps until most modes have settled
 # until all other modes have settled, at first and as an amplitude grows
 SETTLE_STEPS, FOLLOWING = 20, 4
-FIRST_AMPLITUDE, LARGEST_AMPLITUDE = 0.25, 1.0  # by which it grows, at first and at most
-SMALLEST_AMPLITUDE = 1e-2  # of the first growth: the way ends
+FIRST_AMPLITUDE = 0.25  # by which it grows, at first
 PAST = 1.5  # of the way to where the force would vanish if it were linear
 FAR_FROM_LINE = 4.0  # a path that is not beside the line any more
 INVERSE_STEPS = 2  # to a mode from a step that is most of it already
@@ -121,10 +121,10 @@ class Resonances:
                     slow = k >= SETTLING and size > max(CONTRACTION * last, SETTLED)
                     if not math.isfinite(size):
                         return None
-                    if size <= RUNAWAY_MODE and not slow:
+                    if size <= 1 and not slow:
                         break
                     if not hold and not wanted.size and not slow:
-                        step *= RUNAWAY_MODE / size
+                        step /= size
                         break
                     if not hold or wanted.size == MOST_HELD:
                         return None
@@ -157,13 +157,13 @@ class Resonances:
                 )
                 if there is None or not np.abs(there.z).max() < FAR_FROM_LINE:
                     way.growth = growth / 3
-                    if way.growth < SMALLEST_AMPLITUDE * first or self.count == FACTORIZATIONS:
+                    if way.growth < 2.0**-HALVINGS * first or self.count == FACTORIZATIONS:
                         ways.remove(way)
                 elif there.forces[0] * here.forces[0] <= 0:
                     part = here.forces[0] / (here.forces[0] - there.forces[0])
                     return here.z + part * (there.z - here.z), at.modes[:, 1:]
                 else:
-                    way.at, way.growth = there, min(2 * growth, LARGEST_AMPLITUDE * unit)
+                    way.at, way.growth = there, min(2 * growth, unit)
         return None
 
 

@@ -14,6 +14,7 @@ from actionopt.tools.watch import OutOfTime, Spent
 
 LEADS_NOWHERE = (Spent, np.linalg.LinAlgError)  # ends one way to a path, and not the search
 SIGNALS = (OutOfTime, *LEADS_NOWHERE)
+HALVINGS = 6  # of a step on the way to a path: what is left of it leads nowhere; ad hoc
 
 
 def status_of(signal: Exception) -> Status:

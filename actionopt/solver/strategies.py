@@ -11,7 +11,7 @@ from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.search import Search, Strategy
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.two_sided_shooting import curves
-from actionopt.solver.workspace import Workspace
+from actionopt.solver.workspace import PATIENT, Workspace
 
 # Ad hoc, where nothing else is said.
 # Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line, and a
@@ -25,7 +25,6 @@ MEETING_PAIRS, MEETING_ELEMENTS = 32, 48
 # Paths so found that cannot be refined, after which no others found alike are tried: measured, over
 # random systems and pendulums, it is the first that can be, or none.
 MEETING_LOST = 3
-PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 
 
 @dataclass(frozen=True)

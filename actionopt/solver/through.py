@@ -38,9 +38,10 @@ from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.passing_times import lower
 from actionopt.solver.rays import RAY_ROUNDS, Ray, rays
 from actionopt.solver.signals import SIGNALS, status_of
-from actionopt.solver.unfixed import APPROACHES, Unfixed
+from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.verdict import solution_of
 from actionopt.solver.waves import first_guessed, first_waves, wave_mesh
+from actionopt.solver.workspace import PATIENT
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
@@ -336,7 +337,7 @@ def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
     given = {name: x for name, x in at.parameters.items() if name in own}
     fixed = Problem(at.question, start, end, parameters=given, through=through)  # type: ignore[arg-type]
     first = DiscretePath.of(fixed, path.on(with_degrees(path.mesh, fixed.system.order)))
-    found = approach(first.tr, first.z, APPROACHES)
+    found = approach(first.tr, first.z, PATIENT)
     return path if found is None else DiscretePath(first.tr, found[0]).polish().path
 
 

@@ -59,13 +59,12 @@ from actionopt.solver.refine import refine, settle_on
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
-from actionopt.solver.workspace import Workspace, alike
+from actionopt.solver.workspace import PATIENT, Workspace, alike
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime
 
 STOPS = "an end free in place and time is where a motion of the energy comes to rest"
 # Ad hoc.
-APPROACHES = 40  # damped steps of Newton's method
 # Along a family on a coarse mesh, singular values of Newton's matrix, of which others are of order
 # one, and the step to it from where on a path is held along it.
 SINGULAR = 1e-3
@@ -200,7 +199,7 @@ class Unfixed(Workspace[UnfixedPath]):
 
     def _recover(self, least: bool) -> bool:
         """Find the path again, by damped steps; another mesh may be enough to lose it."""
-        return self.approach(APPROACHES)
+        return self.approach(PATIENT)
 
     def answer(self) -> tuple[Problem, DiscretePath]:
         """Return what was asked, its times and ends found, and the path in the units at hand."""
@@ -235,7 +234,7 @@ class Unfixed(Workspace[UnfixedPath]):
         # go to some other member, such as rest.
         closes = self.problem.closes
         near = NEAR_FAMILY if closes else np.inf
-        if not (self.follow(near) or (damped and self.approach(APPROACHES))):
+        if not (self.follow(near) or (damped and self.approach(PATIENT))):
             return False
         here = self.here
         passed = self.with_boundaries(here.mesh) is not here.mesh  # by an event: a pulse
@@ -347,7 +346,7 @@ class Unfixed(Workspace[UnfixedPath]):
         count, beside = bordered.forces.start, bordered.phases  # no phase is needed, nor a force
         residual = bordered.residual(y)[:count]
         with np.errstate(all="ignore"):
-            for _ in range(APPROACHES if y.size <= FULL else APPROACHES // 4):
+            for _ in range(PATIENT if y.size <= FULL else PATIENT // 4):
                 matrix = full(bordered.layout, bordered.kkt(y))[:count, :count]
                 size = np.linalg.norm(residual)
                 if not (np.isfinite(matrix).all() and np.isfinite(size)):
@@ -361,7 +360,7 @@ class Unfixed(Workspace[UnfixedPath]):
                     moved = [here.tr.coordinates(y + d) - here.Q for d in right[rank:]]
                     self.along = tuple(Path(here.mesh, d.T) for d in moved)
                     self.here = self._around(here.path, here.rows)
-                    return here.moves and (self.follow() or self.approach(APPROACHES))
+                    return here.moves and (self.follow() or self.approach(PATIENT))
                 while damping < UNREACHED:
                     step = right.T @ (values * across / (values**2 + damping * size**2))
                     there = bordered.residual(y - step)[:count]

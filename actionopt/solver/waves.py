@@ -21,17 +21,18 @@ from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.unfixed import APPROACHES
-from actionopt.tools.types import EPS, Array
+from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
+from actionopt.solver.first_paths import FIRST_TOL
+from actionopt.solver.signals import HALVINGS
+from actionopt.solver.workspace import PATIENT
+from actionopt.tools.types import EPS, RANK, Array
 
-# Ad hoc. Of a first path: elements and their degree, half waves, and the power of a sine that keeps
-# them in the middle.
-WAVE_ELEMENTS, WAVE_DEGREE, WAVES, NARROW = 8, 6, 6, 8
-# Steps to the values of integrals; slopes that are none; the last step, and what may be left.
-PROJECTION_STEPS, SMALL_SLOPE, LAST_PROJECTION, REACHED_VALUE = 50, 1e-10, 1e-6, 1e-3
-# First paths before a continuation in the values; its first part of the way, how often that is
-# halved, and steps.
-BEFORE_CONTINUATION, FIRST_PART, FIRST_PARTS, VALUE_STEPS = 4, 0.1, 6, 40
+# Ad hoc. Of a first path: half waves, and the power of a sine that keeps them in the middle.
+WAVES, NARROW = 6, 8
+# Steps to the values of integrals, and the last one.
+PROJECTION_STEPS, LAST_PROJECTION = 50, 1e-6
+# First paths before a continuation in the values; its first part of the way, and steps.
+BEFORE_CONTINUATION, FIRST_PART, VALUE_STEPS = 4, 0.1, 40
 
 
 def first_waves(
@@ -81,13 +82,13 @@ def first_waves(
             yield DiscretePath(tr, found).path, times
 
 
-def wave_mesh(times: Array, order: int = 1, elements: int = WAVE_ELEMENTS) -> Mesh:
+def wave_mesh(times: Array, order: int = 1, elements: int = COARSE_ELEMENTS) -> Mesh:
     """Return a mesh for waves between events at times (k + 2,), for paths of an order."""
     legs = np.diff(times)
     parts = np.maximum(1, np.ceil(elements * legs / legs.sum()).astype(int))
     ends = zip(times[:-1], times[1:], parts, strict=True)
     b = [np.linspace(a, e, k, endpoint=False) for a, e, k in ends]
-    return with_degrees(Mesh(np.append(np.concatenate(b), times[-1]), WAVE_DEGREE), order)
+    return with_degrees(Mesh(np.append(np.concatenate(b), times[-1]), COARSE_DEGREE), order)
 
 
 def _continue(
@@ -101,7 +102,7 @@ def _continue(
     first, last = integrals(DiscretePath(tr, origin))[0], np.array(problem.integral)
     first_sine = np.eye(len(variations))[0]
     for sign in (1.0, -1.0):
-        for share in FIRST_PART / 2.0 ** np.arange(FIRST_PARTS):
+        for share in FIRST_PART / 2.0 ** np.arange(HALVINGS):
             values = first + share * (last - first)
             z = _project(tr, origin, variations, sign * first_sine, values)
             if z is None:
@@ -119,7 +120,7 @@ def first_guessed(problem: Problem, path: Path, times: Array) -> Iterator[tuple[
     path = path.on(with_degrees(path.mesh, problem.system.order))
     whole = Bordered.around(problem, path, None, lengths, times=times, kappa=none)
     equations, y = whole[0].without_integrals(whole[1])
-    found = approach(equations, y, APPROACHES)
+    found = approach(equations, y, PATIENT)
     if found is not None:
         yield from lead(problem, equations.discrete(found[0]), none)
 
@@ -140,7 +141,7 @@ def lead(
         near = problem.replace(integral=first + now * (asked - first))
         known = {"times": times, "kappa": kappa}
         equations, y = Bordered.around(near, path, None, lengths, **known)
-        found = approach(equations, y, APPROACHES)
+        found = approach(equations, y, PATIENT)
         if found is None and kappa is None:
             return
         if found is None:
@@ -168,11 +169,9 @@ def _project(
         off, J = reached - values, slopes @ variations[:, : slopes.shape[1]].T
         if not (np.isfinite(off).all() and np.isfinite(J).all()):
             return None
-        step = -np.linalg.pinv(J, rcond=SMALL_SLOPE) @ off
+        step = -np.linalg.pinv(J, rcond=RANK) @ off
         if np.abs(step).max() <= LAST_PROJECTION * max(1.0, np.abs(a).max()):
-            return (
-                z if np.abs(off).max() <= REACHED_VALUE * max(1.0, np.abs(values).max()) else None
-            )
+            return z if np.abs(off).max() <= FIRST_TOL * max(1.0, np.abs(values).max()) else None
         longest = max(1.0, float(np.abs(a).max()))
         a = a + step * min(1.0, longest / float(np.abs(step).max()))
     return None

@@ -29,9 +29,10 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Event, Phase, Tail
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.rest import Rest, rest
+from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.descent import descend
-from actionopt.solver.durations import HALVED
 from actionopt.solver.first_mesh import COARSE_DEGREE
 from actionopt.solver.iterate import ROUNDED, sizes
 from actionopt.tools.checks import COARSEST, numbers
@@ -52,7 +53,6 @@ DOWN_ELEMENTS = 24  # of the mesh on which a guess is left
 LONGEST_WINDOW = 100.0  # times the first window, in which a guess is looked at
 CORE_SIZE = 0.1  # of how far a guess is from rest, beyond which something happens
 ELEMENT_CUT = 0.25  # of its shortest element, where a mesh is cut
-GUESS_SAMPLES = 512  # of a guess, where its phase is sought
 SAME_ENERGY = 1e-8  # of what moving between two equilibria takes
 
 
@@ -167,7 +167,7 @@ def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: f
     pairs = zip(whole.start.q, whole.end.q, strict=True)
     known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
     start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
-    t = np.linspace(t0, t1, GUESS_SAMPLES)
+    t = np.linspace(t0, t1, LOOKED_AT)
     values = curve(t)
     line = start[:, None] + (t - t0) / (t1 - t0) * (end - start)[:, None]
     size = ROUNDED * np.abs(line).max()
@@ -314,7 +314,7 @@ def set_phase(problem: Problem, path: Path, contacts: tuple[Arc, ...]) -> Proble
     """
     if problem.start.phase is None or not contacts:
         return problem
-    t = np.linspace(problem.start.t, problem.end.t, GUESS_SAMPLES)
+    t = np.linspace(problem.start.t, problem.end.t, LOOKED_AT)
     metric, v = _metric(problem.rests), path.velocity(t)
     squares = np.einsum("nk,nm,mk->k", v, metric, v)
     away = np.min([np.maximum(arc.begin - t, t - arc.end) for arc in contacts], axis=0)
@@ -336,7 +336,7 @@ def centre(solution: Solution, asked: Phase | None) -> Solution:
     if phase is None or asked is None:
         return solution
     assert before is not None and after is not None
-    t = np.linspace(problem.start.t, problem.end.t, GUESS_SAMPLES)
+    t = np.linspace(problem.start.t, problem.end.t, LOOKED_AT)
     if _same(before.q, after.q):
         metric = -after.slope
 
@@ -357,7 +357,7 @@ def centre(solution: Solution, asked: Phase | None) -> Solution:
 
         k, origin = int(np.argmax(left(t) < 0)), asked.t
     low, high = t[max(k - 1, 0)], t[min(k + 1, t.size - 1)]
-    for _ in range(HALVED):  # bisection
+    for _ in range(BISECTIONS):  # bisection
         middle = (low + high) / 2
         low, high = (middle, high) if left(np.array([middle]))[0] > 0 else (low, middle)
     by = origin - (low + high) / 2
@@ -388,7 +388,7 @@ def _reach(whole: Problem, event: Event, other: Event, folds: float, curve: Any)
         return t
     seen = np.append(
         origin,
-        origin + (t - origin) * np.geomspace(1 / LONGEST_WINDOW, LONGEST_WINDOW, GUESS_SAMPLES),
+        origin + (t - origin) * np.geomspace(1 / LONGEST_WINDOW, LONGEST_WINDOW, LOOKED_AT),
     )
     with np.errstate(all="ignore"):  # so late a guess may be anything
         away = np.abs(curve(seen) - q[:, None])
@@ -472,7 +472,7 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
     ]
     metric = _metric(rests)
     apart = rests[1].q - rests[0].q
-    t, values = np.linspace(t0, t1, GUESS_SAMPLES), None
+    t, values = np.linspace(t0, t1, LOOKED_AT), None
     if curve is not None:
         values = curve(t)
     if _same(rests[0].q, rests[1].q):

@@ -63,6 +63,7 @@ EXPECTED = 2.0  # times what is missed, to first order, that a path may move whe
 # Omitted coefficients below which a coarse path is worth refining. Flat, but for the verdict on a
 # kink of a fiftieth of the path, which is not solved in either case.
 ROUGHLY = 2e-2
+PATIENT = 30  # damped steps towards a path: whatever else there is costs more
 MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
 UNLIKELY = 100.0  # ratio of global to local error that has another reason as a rule; flat
 
