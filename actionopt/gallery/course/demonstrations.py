@@ -41,9 +41,10 @@ class Demonstration:
     words: Mapping[str, str]
     data: Callable[[], dict[str, Any]]
 
-    def html(self, name: str, caption: str = "") -> str:
+    def html(self, name: str) -> str:
         """Return the figure; it needs `plot.live`'s scripts, `FIGURE_SCRIPTS`, and the style."""
         words = {key: say(text) for key, text in self.words.items()}
+        words["restart"] = say("Start over")
         text = json.dumps({**self.data(), "words": words}, separators=(",", ":"))
         text = text.replace("</", "<\\/")
         return f"""<figure class="live lesson-figure" data-figure="{escape(name)}">

@@ -6,7 +6,7 @@
   const { address, figures, sentences } = globalThis.actionopt;
   const { element, html, put, filled, slider, written, Panel } = globalThis.actionopt.panels;
   const STEP = 0.02, FINE = 0.1; // of a panel, for one key; with shift
-  const SNAP = 0.012; // of a slider: nearer than this to a marked value it is that value
+  const SNAP = 0.006; // of a slider: nearer than this to a marked value it is that value
   const MARGIN = 8; // pixels around what has no axes
   const HEAD = 7, WING = 0.45; // pixels of an arrow's head; rad to either side
 
@@ -47,6 +47,7 @@
       input.addEventListener("change", () => change({ [what]: input.checked }));
       options.push(() => { label.hidden = !has(shown); input.checked = state[what]; });
     }
+    html(controls, "button", { type: "button", class: "again" }, W.restart).addEventListener("click", () => { change(it.state); address.set(key, null); });
     const table = html(figure, "div", { class: "controls sliders" });
     for (const [what, { from, to, marks, unit, shown }] of Object.entries(it.sliders ?? {})) {
       const at = (f) => (typeof f === "function" ? f(state) : f ?? []), made = slider(table, W[what], 0, 1, 0);
@@ -120,7 +121,7 @@
       options.forEach((show) => show());
       const seen = it.see(state, W);
       panels.forEach((panel) => {
-        const { x, y, across, up, equal, marks, keys, says } = seen[panel.what];
+        const { x, y, across, up, equal, marks, keys } = seen[panel.what];
         const bare = across === null && up === null;
         if (bare) panel.spread(MARGIN);
         panel.scale(x, y, equal);
@@ -133,7 +134,6 @@
           const [tag, { words, ...attributes }] = MARKS[kind](panel, ...rest);
           put(element(kind === "dot" || kind === "text" ? panel.free : panel.lines, tag, look, words), attributes);
         }
-        if (held === null && says) panel.svg.setAttribute("aria-label", `${W[panel.what]}: ${says}`);
       });
       handles.forEach((place) => place());
       const said = sentences.said(name, seen.measured);
@@ -142,6 +142,7 @@
       output.setAttribute("aria-live", held === null ? "polite" : "off");
       output.replaceChildren(...seen.text.map((words) => { const part = document.createElement("span"); part.textContent = words; return part; }));
       message.textContent = filled(W[said], seen.values ?? {});
+      if (held === null) panels[0].svg.setAttribute("aria-label", `${W[panels[0].what]}: ${message.textContent}`);
     }
 
     function change(by) {

@@ -24,6 +24,8 @@ globalThis.actionopt.figures = (() => {
     const first = compiled(law.first);
     return (q, v, t) => { const [L, Lq, Lv] = first.at([q, v, [t], p]); return { L: L[0], Lq: [...Lq], Lv: [...Lv] }; };
   };
+  // The same for any number c in it.
+  const numbered = (law) => { const p = [0], L = lagrangian({ law, p }); return (c) => (q, v, t) => ((p[0] = c), L(q, v, t)); };
   // Nodes and weights of the package, so that polynomials are summed without error.
   const rows = ({ t, w, q, v }) => t.map((at, k) => ({ t: at, w: w[k], q: q[k], v: v[k] }));
 
@@ -93,7 +95,7 @@ globalThis.actionopt.figures = (() => {
 
   // -- dF/dt beside L
   const gauge = (data) => {
-    const laws = Object.fromEntries(Object.entries(data.laws).map(([name, law]) => [name, (c) => lagrangian({ law, p: [c] })]));
+    const laws = Object.fromEntries(Object.entries(data.laws).map(([name, law]) => [name, numbered(law)]));
     const path = rows(data.path), T = data.T, wave = (t) => [Math.sin((Math.PI * t) / T), (Math.PI / T) * Math.cos((Math.PI * t) / T)];
     const bent = ({ t, q, v }, a) => { const [x, u] = wave(t); return [[q[0] + a * x], [v[0] + a * u], t]; };
     const S = (L, a) => sum(path.map((row) => row.w * L(...bent(row, a)).L));
@@ -211,8 +213,10 @@ globalThis.actionopt.figures = (() => {
     const index = (E, y) => Math.sqrt(2 * (E - G * y));
     const arc = (x1, y1, h) => (x) => (y1 / x1) * x + 4 * h * (x / x1) * (1 - x / x1);
     const length = (E, x1, y1, h) => { // of an arc between both ends, by Simpson's rule
-      const f = arc(x1, y1, h), N = 400;
-      return sum(range(0, x1, N + 1).map((x, k) => (((k % N ? (k % 2 ? 4 : 2) : 1) * x1) / (3 * N)) * index(E, f(x)) * Math.hypot(1, y1 / x1 + (4 * h * (1 - (2 * x) / x1)) / x1)));
+      const N = 200, f = arc(x1, y1, h);
+      let W = 0;
+      for (let k = 0; k <= N; k++) W += (k % N ? (k % 2 ? 4 : 2) : 1) * index(E, f((x1 * k) / N)) * Math.hypot(1, (y1 + 4 * h * (1 - (2 * k) / N)) / x1);
+      return (W * x1) / (3 * N);
     };
     // A ray in straight pieces, short where n is small; it turns at the middle of each as n changes across it.
     const ray = (E, angle, x1, pieces) => {
@@ -230,30 +234,31 @@ globalThis.actionopt.figures = (() => {
       const [[a, b], [c, d]] = points.slice(over - 1, over + 1);
       return [...points.slice(0, over), [x1, b + ((d - b) * (x1 - a)) / (c - a)]];
     };
-    const high = (E, x1, y1) => { let h = 0; while (h < 4 && range(0, x1, 60).every((x) => arc(x1, y1, h + 0.02)(x) < E / G)) h += 0.02; return h; };
+    const high = (E, y1) => Math.min(4, (0.999 * (2 * E / G - y1 + 2 * Math.sqrt((E / G) * (E / G - y1)))) / 4); // the arc that just rises to where n = 0
     return {
       state: { E: 20, pieces: 8, x: 2.2, y: 0.5, h: 0.9 },
-      sliders: { E: { from: 8, to: 40, unit: "J" }, pieces: { from: 6, to: 60 } },
+      sliders: { E: { from: ({ y }) => Math.max(8, 1.1 * G * y), to: 40, unit: "J" }, pieces: { from: 6, to: 60 } },
       handles: [
-        { panel: "throws", says: "target", place: ({ x, y }) => [x, y], move: (x, y) => ({ x: clamp(x, 0.6, 4.2), y: clamp(y, 0, 2) }) },
-        { panel: "throws", says: "arc", place: ({ x, y, h }) => [x / 2, arc(x, y, h)(x / 2)], move: (_, to_, { x, y, E }) => ({ h: clamp(to_ - y / 2, -0.3, high(E, x, y)) }) },
+        { panel: "throws", says: "target", place: ({ x, y }) => [x, y], move: (x, y, { E }) => ({ x: clamp(x, 0.6, 4.2), y: clamp(y, 0, Math.min(2, (0.9 * E) / G)) }) },
+        { panel: "throws", says: "arc", place: ({ x, y, h }) => [x / 2, arc(x, y, h)(x / 2)], move: (_, to_, { y, E }) => ({ h: clamp(to_ - y / 2, -0.3, high(E, y)) }) },
       ],
       panels: { throws: 0.62, lengths: 0.6 },
       see({ E, pieces, x: x1, y: y1, h: asked }, W) {
-        const top = high(E, x1, y1), h = Math.min(asked, top), v2 = 2 * E, under = v2 * v2 - G * (G * x1 * x1 + 2 * y1 * v2);
+        const top = high(E, y1), h = Math.min(asked, top), v2 = 2 * E, under = v2 * v2 - G * (G * x1 * x1 + 2 * y1 * v2);
         const tangents = under >= 0 ? [-1, 1].map((s) => (v2 + s * Math.sqrt(under)) / (G * x1)) : [], W_ = (x) => length(E, x1, y1, x);
         const sag = (tan) => (G * x1 * x1 * (1 + tan * tan)) / (4 * v2) / 2; // of the throw over its chord
-        const hs = range(-0.3, top, 121), slopes = hs.map((x) => (W_(x + 1e-4) - W_(x - 1e-4)) / 2e-4), level = [];
-        hs.forEach((x, k) => {
-          if (!k || !(slopes[k] * slopes[k - 1] <= 0)) return;
-          let [a, b] = [hs[k - 1], x];
-          for (let i = 0; i < 40; i++) { const m = (a + b) / 2; if ((W_(m + 1e-4) - W_(m - 1e-4)) * slopes[k - 1] > 0) a = m; else b = m; }
+        // Level between two arcs where W stops rising or falling, found by halving.
+        const curve = range(-0.3, top, 121).map((x) => [x, W_(x)]), tilt = (x) => W_(x + 1e-4) - W_(x - 1e-4), level = [];
+        for (let k = 1; k + 1 < curve.length; k++) {
+          if ((curve[k + 1][1] - curve[k][1]) * (curve[k][1] - curve[k - 1][1]) > 0) continue;
+          let [a, b] = [curve[k - 1][0], curve[k + 1][0]];
+          for (const sign = tilt(a); b - a > 1e-9;) { const m = (a + b) / 2; if (tilt(m) * sign > 0) a = m; else b = m; }
           level.push((a + b) / 2);
-        });
+        }
         const stone = (tan, share = 1) => range(0, x1 * share, 61).map((x) => [x, tan * x - (G * x * x * (1 + tan * tan)) / (2 * v2)]);
         const rays = tangents.map((tan) => ray(E, Math.atan(tan), x1, Math.round(pieces)));
         const gap = Math.max(0, ...rays.map((points, k) => most(points.map(([x, y]) => y - (tangents[k] * x - (G * x * x * (1 + tangents[k] ** 2)) / (2 * v2))))));
-        const wide = 4.4, tall = 2.6, curve = hs.map((x) => [x, W_(x)]).filter((r) => Number.isFinite(r[1]));
+        const wide = 4.4, tall = 2.6;
         return {
           measured: { under: under / (v2 * v2), level, throws: tangents.map(sag), gap, h, W: W_(h) }, values: { gap: written(100 * gap, 2) },
           text: [`W = \u222b n ds = ${J(W_(h), 10)}`, `n = ${written(index(E, 0), 3)} ${W.ground}`],
@@ -401,7 +406,7 @@ globalThis.actionopt.figures = (() => {
       return T * data.weights[j] * (L([q + a * x], [v + a * u], t).L - L([q], [v], t).L);
     }));
     const stiffness = (k, T) => (2 * (rise(k, T, 1) + rise(k, T, -1))) / T; // delta^2 S over the mean square of its shape, per mass
-    const REACH = 1.2;
+    const REACH = 1.2, curves = range(1, COUNT, COUNT).map((j) => range(1, 9.6, 87).map((T) => [T, stiffness(j, T)]));
     return {
       state: { mode: "1", T: 2, a: 0.6 },
       choices: { mode: { of: ["1", "2", "3"] } },
@@ -410,7 +415,7 @@ globalThis.actionopt.figures = (() => {
       panels: { shape: 0.5, stiffnesses: 0.6, cost: 0.5 },
       see({ mode, T, a }, W) {
         const k = Number(mode), found = range(1, COUNT, COUNT).map((j) => stiffness(j, T)), own = found[k - 1], here = rise(k, T, a), down = found.filter((x) => x < -NOTHING).length;
-        const shape = range(0, 1, 97).map((s) => [s * T, a * wave(k, T, s)[0]]), times_ = range(1, 9.6, 87), [cost, wide] = [range(-REACH, REACH, 41).map((x) => [x, rise(k, T, x)]), 3];
+        const shape = range(0, 1, 97).map((s) => [s * T, a * wave(k, T, s)[0]]), [cost, wide] = [range(-REACH, REACH, 41).map((x) => [x, rise(k, T, x)]), 3];
         return {
           measured: { k, T, a, stiffness: own, all: found, rise: here, down, half: Math.abs(a) > 1e-6 ? here / (a * a) : own * T / 4 }, values: { x: J(here, Math.max(Math.abs(here), 1e-3)), n: down },
           text: [`${W.stiffness} = ${written(own, 3, 1)}\u00a0N/m`, `\u0394S = ${J(here, Math.max(Math.abs(here), 0.01))}`],
@@ -420,7 +425,7 @@ globalThis.actionopt.figures = (() => {
           },
           stiffnesses: {
             x: [1, 9.6], y: [-1.4, wide], across: "T (s)", up: `${W.stiffness} (N/m)`,
-            marks: [["line", "axis", [[1, 0], [9.6, 0]]], ...[3, 2, 1].map((j) => ["line", `trial c${j - 1}${j === k ? "" : " thin"}`, times_.map((at) => [at, stiffness(j, at)]).filter(([, x]) => x < wide)]), ["line", "cursor", [[T, -1.4], [T, wide]]], ...found.map((x, j) => [x, j]).filter(([x]) => x < wide).map(([x, j]) => ["dot", j + 1 === k ? "event" : "place", [T, x], j + 1 === k ? 6 : 4])],
+            marks: [["line", "axis", [[1, 0], [9.6, 0]]], ...[3, 2, 1].map((j) => ["line", `trial c${j - 1}${j === k ? "" : " thin"}`, curves[j - 1].filter(([, x]) => x < wide)]), ["line", "cursor", [[T, -1.4], [T, wide]]], ...found.map((x, j) => [x, j]).filter(([x]) => x < wide).map(([x, j]) => ["dot", j + 1 === k ? "event" : "place", [T, x], j + 1 === k ? 6 : 4])],
           },
           cost: { x: [-REACH, REACH], y: room([...cost.map((r) => r[1]), -0.5, 0.5]), across: `${W.a} (m)`, up: "\u0394S (J s)", marks: [["line", "axis", [[-REACH, 0], [REACH, 0]]], ["line", `trial c${k - 1}`, cost], ["dot", "event", [a, here], 6]] },
         };
