@@ -51,8 +51,13 @@ def imports(file: Path) -> frozenset[str]:
     return frozenset(_imports(file))
 
 
+@cache
+def statements(file: Path) -> list[ast.AST]:
+    """Return the statements of a file, without the expressions they are made of."""
+    return list(_statements(parsed(file)))
+
+
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield the statements in a tree, without the expressions they are made of."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
             yield child
@@ -60,7 +65,7 @@ def _statements(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _imports(file: Path) -> Iterator[str]:
-    for node in _statements(parsed(file)):
+    for node in statements(file):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

@@ -28,6 +28,9 @@ def pytest_cmdline_main(config):
         config.option.numprocesses = "auto"
         config.option.maxprocesses = 2  # each reads all the tests before it runs any
         config.option.dist = "loadfile"  # what one file solves for many tests is solved once
+        # To rewrite all that is asserted takes each process four seconds. The values of what fails
+        # are shown where its file is run alone.
+        config.option.assertmode = "plain"
 
 
 def pytest_collection_modifyitems(items):
@@ -36,6 +39,12 @@ def pytest_collection_modifyitems(items):
         test, word = (item.path.stem + "_").split("_")[:2]
         if test == "test" and word not in BESIDE:
             item.add_marker("numerics")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file():
+    """Look for examples in the package alone: no test's docstring has one."""
+    return [x for x in (yield) if type(x) is pytest.Module]
 
 
 @pytest.hookimpl(wrapper=True)
@@ -62,10 +71,18 @@ def no_figure_left():
         sys.modules["matplotlib.pyplot"].close("all")
 
 
-@pytest.fixture(scope="module")
-def chromium():
+@pytest.fixture(scope="session")
+def one_browser():
     if browser.found() is None:
         pytest.skip("no Chromium found")
     page = browser.Browser()
     yield page
     page.close()
+
+
+@pytest.fixture
+def chromium(one_browser):
+    """A page of the browser that has seen nothing yet."""
+    one_browser.errors.clear()
+    one_browser.requests.clear()
+    return one_browser

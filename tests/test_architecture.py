@@ -127,15 +127,14 @@ def is_participle(name):
 def test_functions_are_named_by_verbs_and_nouns():
     found = set()
     for module, file in rooms.FILES.items():
-        nodes = ast.walk(rooms.parsed(file))
-        names = {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
+        names = {x.name for x in rooms.statements(file) if isinstance(x, ast.FunctionDef)}
         found |= {(module, name) for name in names if is_participle(name)}
     assert not [x for x in found if x[1].strip("_") not in COPIES | PUBLIC]
 
 
 def test_class_names_have_one_meaning():
     files = rooms.FILES.values()
-    nodes = (node for file in files for node in ast.walk(rooms.parsed(file)))
+    nodes = (node for file in files for node in rooms.statements(file))
     count = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
     assert not [name for name, times in count.items() if times > 1]
 

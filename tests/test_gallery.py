@@ -475,8 +475,6 @@ def load_images(chromium):
 
 def visit(target, chromium):
     """Open each page at each size: it is whole, comes from here alone, fits and can be read."""
-    chromium.errors.clear()
-    chromium.requests.clear()
     for file, (width, height) in product(pages(target), SIZES):
         phone = width == 360
         chromium.open(file, width, height, still=phone)

@@ -179,8 +179,6 @@ def opened(chromium, folder, question, width=1280, height=900, still=True, **how
     file = folder / f"{name}.html"
     if not file.exists():
         plot.page(question, file, **how)
-    chromium.errors.clear()
-    chromium.requests.clear()
     chromium.open(file, width, height, still=still)
     return file
 

@@ -23,7 +23,6 @@ class Page:
     def __init__(self, chromium, folder, problem):
         self.chromium, self.problem = chromium, problem
         states.write(problem, ao.solve(problem, tol=1e-10), folder / "own.html")
-        chromium.errors.clear()
         chromium.open(folder / "own.html", still=True)
 
     def press(self, *names):
@@ -59,7 +58,6 @@ def test_every_claim_of_a_state_is_that_of_solve(name, chromium, tmp_path):
     if solution.problem.asked is not None:
         solution = solution.between_times
     states.write(solution.problem, solution, tmp_path / "live.html")
-    chromium.errors.clear()
     found = states.states(chromium, tmp_path / "live.html", PLACES)
     judged = [(s["slider"], s["value"], states.judge(solution.problem, s)) for s in found]
     assert not [said for said in judged if said[2] not in ("agrees", "unknown")]

@@ -2,7 +2,6 @@
 
 import xml.etree.ElementTree as ET
 
-import browser
 import numpy as np
 import pytest
 from helpers import solved
@@ -68,27 +67,21 @@ def test_an_animation_is_a_player():
     assert "<script" in shown._repr_html_()
 
 
-def test_a_film_is_a_page(tmp_path):
+def test_a_film_is_a_page(chromium, tmp_path):
     file = tmp_path / "top.html"
     plot.film(solved("heavy_top"), scenes.get("heavy_top").draw, file, units=plot.SI)
     text = file.read_text(encoding="utf-8")
     assert len(text) < 400e3 and "http://" not in text.replace("http://www.w3.org", "")
-    if browser.found() is None:
-        pytest.skip("no Chromium found")
-    page = browser.Browser()
-    try:
-        page.open(file, still=True)
-        places = "[...document.querySelectorAll('.body')].map(b => b.getAttribute('cx'))"
-        here = page.run(places)
-        page.run("document.querySelector('[data-turn]').focus()")
-        page.key("ArrowRight")
-        turned = page.run(places)
-        page.run("document.querySelector('[data-step=\"1\"]').click()")
-        assert page.run("Number(document.querySelector('[data-film]').dataset.frame)") == 1
-        assert len({*here, *turned, *page.run(places)}) == 3
-        assert page.errors == []
-    finally:
-        page.close()
+    chromium.open(file, still=True)
+    places = "[...document.querySelectorAll('.body')].map(b => b.getAttribute('cx'))"
+    here = chromium.run(places)
+    chromium.run("document.querySelector('[data-turn]').focus()")
+    chromium.key("ArrowRight")
+    turned = chromium.run(places)
+    chromium.run("document.querySelector('[data-step=\"1\"]').click()")
+    assert chromium.run("Number(document.querySelector('[data-film]').dataset.frame)") == 1
+    assert len({*here, *turned, *chromium.run(places)}) == 3
+    assert chromium.errors == []
 
 
 def test_a_relaxation_that_runs_away_lasts():

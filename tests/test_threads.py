@@ -93,8 +93,10 @@ def test_one_transcription_at_several_points():
     same_in_all_threads(read, points, alone)
 
 
-@pytest.mark.parametrize("principle", ["least", "stationary"])
-def test_ipopt_in_several_threads(principle):
+@pytest.mark.parametrize(
+    ("principle", "name"), list(zip(["least", "stationary"], family.SYSTEMS, strict=True))
+)
+def test_ipopt_in_several_threads(principle, name):
     """Problems of one shape share a layout, and each thread has its own solver for it."""
 
     def seek(problem):
@@ -103,9 +105,8 @@ def test_ipopt_in_several_threads(principle):
         attempt = find(tr, tr.pack(tr.straight()), principle)
         return (*bits(attempt.z), attempt.status, attempt.iterations)
 
-    for name in family.SYSTEMS:
-        alone = [seek(problem) for problem in problems(name)]
-        same_in_all_threads(seek, problems(name), alone)
+    alone = [seek(problem) for problem in problems(name)]
+    same_in_all_threads(seek, problems(name), alone)
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any, Protocol
 
 import casadi as ca
@@ -229,9 +230,10 @@ def noether(
             "position, found none; give the system in units in which coordinates are of size one"
         )
     if gauge is not None:
-        candidates = [_trace(system, gauge, "gauge", 1)]
+        candidates = iter([_trace(system, gauge, "gauge", 1)])
     else:
-        candidates = [ca.SX(1, 1), *(_integral(system, R, base) for base in (0.0, 1.0))]
+        integrals = (_integral(system, R, base) for base in (0.0, 1.0))  # if zero does not serve
+        candidates = chain([ca.SX(1, 1)], integrals)
     moderate = [points[0][:GENERIC], points[1][:GENERIC], points[2][:GENERIC], packed]
     found = np.inf
     for k, F in enumerate(candidates):
