@@ -14,14 +14,20 @@ from actionopt.solver.strategies import STRATEGIES
 from actionopt.solver.workspace import Workspace
 
 
+# Scenes each of which takes ten times as long as most.
+LONG = {"string_to_wall", "way_round_ball"}
+
+
 def a_quarter(variants, first=0):
     """Return a test's variants, every fourth of them quick; tests with another `first` take others.
 
-    All are run where the slow ones are.
+    All are run where the slow ones are; scenes that take long are run there alone.
     """
-    slow = [pytest.mark.slow]
     return [
-        pytest.param(*(x if isinstance(x, tuple) else (x,)), marks=slow if (k - first) % 4 else [])
+        pytest.param(
+            *(x if isinstance(x, tuple) else (x,)),
+            marks=[pytest.mark.slow] * bool((k - first) % 4 or (isinstance(x, str) and x in LONG)),
+        )
         for k, x in enumerate(variants)
     ]
 

@@ -44,6 +44,7 @@ def test_every_point_of_a_trace_is_a_path():
         assert theta == pytest.approx(np.sqrt(2 * lam) * np.cosh(theta / 4), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_soap_film_up_to_the_critical_distance():
     # Both catenoids up to half distance / radius = 0.662743419349182, none beyond.
     found = trace(systems.soap_film(0.5), systems.soap_film, 0.8, start=0.5)
@@ -295,6 +296,7 @@ def test_two_folds_close_to_each_other(apart):
     assert [s.morse_index for s in found.at(w**3)] == [0, 1, 0]
 
 
+@pytest.mark.slow
 def test_three_motions_of_a_pendulum_a_little_longer_than_half_a_period():
     system = systems.pendulum("x")
     problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(3.15, [-1.0]))
@@ -433,7 +435,7 @@ def test_what_no_event_gives_does_not_vary(vary):
         trace(ao.Problem(FREE, *ends, through=between), vary, 1.0)
 
 
-@pytest.mark.parametrize("w", [3e-3, 1e-4])
+@pytest.mark.parametrize("w", [pytest.param(3e-3, marks=pytest.mark.slow), 1e-4])
 def test_a_pulse_that_moves_is_not_lost_by_the_mesh(w):
     """S = 1/2 + E t - E G(t, s) / 2 for t and s in the pulse, G Green's function of x''."""
 
