@@ -82,13 +82,13 @@ class AssembledForm:
             ]
             fields = [x[:, :, :n] for x in self.factors.between(at_ends)]
         else:
-            whole = self._between(ends * tr.lengths[:, None]) / tr.lengths[:, None]
+            whole = self._fill_elements(ends * tr.lengths[:, None]) / tr.lengths[:, None]
             fields = [whole[g.nodes] for g in layout.groups]
         tables = [x.reshape(*x.shape[:2], -1) for x in fields]
         return [x / np.abs(x).max(axis=(1, 2), keepdims=True) for x in tables]
 
-    def _between(self, ends: Array) -> Array:
-        """Return the variations (K, n, c) that are `ends` (N + 1, n, c) between elements."""
+    def _fill_elements(self, ends: Array) -> Array:
+        """Return variations (K, n, c) that are `ends` (N + 1, n, c) where elements meet."""
         tr, layout = self.at.tr, self.at.tr.layout
         n, unknowns = ends.shape[1], layout.unknowns
         eta = np.zeros((layout.node_count, *ends.shape[1:]))

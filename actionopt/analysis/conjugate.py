@@ -77,7 +77,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
     if solution.problem.system.order > 1 or solution.problem.integral is not None:
-        return _together(_falls(solution), solution.problem)
+        return _merge_roots(_falls(solution), solution.problem)
     at, error = solution.discrete, solution.error
     whole = len(at.problem.end.pinned) == at.problem.system.n and not solution.problem.through
     if whole and regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) == 0:
@@ -99,11 +99,11 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
         phases, before = Phases(form, plane), form
         roots += _roots(phases)
         plane = phases.last
-    return _together(roots, solution.problem)
+    return _merge_roots(roots, solution.problem)
 
 
-def _together(roots: list[float], problem: Problem) -> tuple[ConjugatePoint, ...]:
-    """Return the points at times of which some may be one, of higher multiplicity."""
+def _merge_roots(roots: list[float], problem: Problem) -> tuple[ConjugatePoint, ...]:
+    """Return the conjugate points at roots, of which nearly equal ones are one point."""
     close = SAME_ROOT * (problem.end.t - problem.start.t)
     groups: list[list[float]] = []
     for t in sorted(roots):

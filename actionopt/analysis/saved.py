@@ -54,6 +54,7 @@ def save(
     target = solution_file(file)
     # A solution that was loaded without its system knows what the file said of it.
     known = problem if isinstance(problem, Detached) else problem.system
+    tails = [_tail(e) for e in (problem.start, problem.end)]
     about = {
         "format": SOLUTION_FORMAT,
         "system": problem.name,
@@ -64,7 +65,7 @@ def save(
         "advance": None if problem.advance is None else list(problem.advance),
         "relabel": getattr(problem.end, "relabel", None),
         **({} if problem.asked is None else {"asked": asked_of(problem)}),
-        "tails": [_tail(e) for e in (problem.start, problem.end)] if problem.has_tails else None,
+        "tails": tails if any(tails) else None,
         **found,
     }
     arrays |= {"boundaries": path.mesh.boundaries, "degrees": np.array(path.mesh.degrees)}

@@ -104,7 +104,7 @@ class Action:
     ) -> None:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.order = problem.system.order  # that of the highest derivative in the Lagrangian
-        self.nodal = terms(problem, mesh) if problem.has_tails else ()
+        self.nodal = terms(problem, mesh)
         nodal = tuple(term.node for term in self.nodal)
         if any(event.on is not None for event in problem.joints_found):
             at = zip(self.joints.tolist(), problem.joints_found, strict=True)

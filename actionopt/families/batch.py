@@ -543,7 +543,7 @@ def _can_be_stacked(problem: Problem, times: Array, packed: Array) -> bool:
         system.m == system.r == 0
         and not structure.forced
         and problem.advance is None
-        and not (problem.has_tails or problem.is_infinite or problem.on_surface)
+        and not (problem.leads_to_rest or problem.on_surface)
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())

@@ -26,7 +26,7 @@ CELL_OFFSETS = (-2, -1, 1, 2)
 
 
 def sheets(solved: NDInt, index: NDInt | None, told: Array, leaps: Sequence[NDInt] = ()) -> NDInt:
-    """Return a label for every member, in the grid's shape: equal ones hang together.
+    """Return which sheet each member is on: labels in the shape of the grid, equal on one sheet.
 
     Parameters
     ----------

@@ -94,8 +94,8 @@ class Expressions:
         """Return what only CasADi's view has: `reshape`, `mean`, ..."""
         if name.startswith("_") or name in PROBED:
             raise AttributeError(name)
-        found = getattr(_theirs(self), name)
-        return _calling(found) if callable(found) else _ours(found)
+        found = getattr(_to_casadi(self), name)
+        return _calling(found) if callable(found) else _from_casadi(found)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -137,14 +137,14 @@ class Expressions:
             if isinstance(index, slice):
                 return Expressions(self.sx[index, 0], 1)  # a column, even of one or none
         try:
-            return _ours(_theirs(self)[index])
+            return _from_casadi(_to_casadi(self)[index])
         except IndexError:
             raise OutOfRange(self, index) from None
 
     def __setitem__(self, index: Any, value: Any) -> None:
         """Replace a part, here only: the symbols are nobody's to change."""
-        whole = _theirs(self)
-        whole[index] = _theirs(value)
+        whole = _to_casadi(self)
+        whole[index] = _to_casadi(value)
         self.sx, self._items = whole.to_casadi(), None
 
     def _elements(self) -> list[Any]:
@@ -223,7 +223,7 @@ class Expressions:
 
     def __mod__(self, other: Any) -> Any:
         """Return the remainder."""
-        return _ours(_theirs(self) % _theirs(other))
+        return _from_casadi(_to_casadi(self) % _to_casadi(other))
 
     def __and__(self, other: Any) -> Any:
         """Return "x and y" of comparisons."""
@@ -280,17 +280,17 @@ class Expressions:
                 if self.ndim == 1 and other.ndim == 2:
                     product = product.T
                 return Expressions(product, self.ndim + other.ndim - 2)
-        return _ours(_theirs(self) @ _theirs(other))
+        return _from_casadi(_to_casadi(self) @ _to_casadi(other))
 
     def __rmatmul__(self, other: Any) -> Any:
         """Return the product with what is no expression."""
-        return _ours(_theirs(other) @ _theirs(self))
+        return _from_casadi(_to_casadi(other) @ _to_casadi(self))
 
     def sum(self, axis: Any = None) -> Any:
         """Return the sum over an axis, or over all."""
         if self.ndim == 1 and axis in (None, 0, -1):
             return Expressions(ca.sum1(self.sx), 0)
-        return _ours(_theirs(self).sum(axis))
+        return _from_casadi(_to_casadi(self).sum(axis))
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
         """Return what one of numpy's elementwise functions gives."""
@@ -300,7 +300,7 @@ class Expressions:
             if ufunc in BINARY_CODES:
                 return _binary(BINARY_CODES[ufunc], ufunc, *inputs)
         with _naming(ufunc):
-            return _ours(getattr(ufunc, method)(*_theirs(inputs), **kwargs))
+            return _from_casadi(getattr(ufunc, method)(*_to_casadi(inputs), **kwargs))
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         """Return what another of numpy's functions gives."""
@@ -310,9 +310,9 @@ class Expressions:
             return operator.matmul(*args)
         if func.__name__ == "cross":
             func = np.cross  # np.linalg.cross is the same for vectors of three components
-        named = {name: _theirs(value) for name, value in kwargs.items()}
+        named = {name: _to_casadi(value) for name, value in kwargs.items()}
         with _naming(func):
-            return _ours(func(*_theirs(args), **named))
+            return _from_casadi(func(*_to_casadi(args), **named))
 
 
 @contextmanager
@@ -353,25 +353,25 @@ def _binary(code: int, general: Callable[[Any, Any], Any], a: Any, b: Any) -> An
                 return Expressions(ca.SX.binary(code, a.sx, b.sx), ndim)
     elif isinstance(a, NUMBERS):
         return Expressions(ca.SX.binary(code, a, b.sx), b.ndim)
-    return _ours(general(_theirs(a), _theirs(b)))
+    return _from_casadi(general(_to_casadi(a), _to_casadi(b)))
 
 
-def _theirs(x: Any) -> Any:
-    """Return expressions, also those in lists and tuples, as CasADi's array view."""
+def _to_casadi(x: Any) -> Any:
+    """Return expressions as arrays of CasADi's, also those in lists and tuples; others as is."""
     if isinstance(x, Expressions):
         return ca.ArrayInterface.SX(x.sx, shape=x.shape)
     if isinstance(x, (list, tuple)):
-        return type(x)([_theirs(item) for item in x])
+        return type(x)([_to_casadi(item) for item in x])
     return x
 
 
-def _ours(x: Any) -> Any:
-    """Return CasADi's array views of expressions, also those in lists and tuples, as ours."""
+def _from_casadi(x: Any) -> Any:
+    """Return arrays of CasADi's as `Expressions`, also those in lists and tuples; others as is."""
     if isinstance(x, ca.ArrayInterface):
         value = x.to_casadi() if x.ndim <= 2 else None
         return Expressions(value, x.ndim) if isinstance(value, ca.SX) else x
     if isinstance(x, (list, tuple)):
-        return type(x)([_ours(item) for item in x])
+        return type(x)([_from_casadi(item) for item in x])
     return x
 
 
@@ -379,7 +379,7 @@ def _calling(method: Callable[..., Any]) -> Callable[..., Any]:
     """Return a method of CasADi's view as one that takes and returns ours."""
 
     def call(*args: Any, **kwargs: Any) -> Any:
-        named = {name: _theirs(value) for name, value in kwargs.items()}
-        return _ours(method(*_theirs(args), **named))
+        named = {name: _to_casadi(value) for name, value in kwargs.items()}
+        return _from_casadi(method(*_to_casadi(args), **named))
 
     return call

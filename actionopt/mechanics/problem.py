@@ -465,6 +465,11 @@ class Problem:
         return bool(self.start.side or self.end.side)
 
     @property
+    def leads_to_rest(self) -> bool:
+        """Whether an end lies at infinite time, or at the edge of a window that stands for one."""
+        return self.is_infinite or self.has_tails
+
+    @property
     def is_shifted(self) -> bool:
         """Whether each path may be shifted in time at will, and nothing chooses one of them."""
         timed = self.system.structure.depends_on_time

@@ -57,7 +57,7 @@ class Reading:
 
     @classmethod
     def of(cls, q: Any, v: Any, t: Any) -> Reading:
-        """Return what the arguments of `System.from_sympy` say."""
+        """Return the coordinates, velocities and time that the arguments of `from_sympy` give."""
         coordinates = _row(q)
         if t is None:
             times = {x.args[0] for x in coordinates if getattr(x, "args", ())}

@@ -121,7 +121,7 @@ class FirstPaths:
                 if at is not None:
                     yield at.path, at.rows, "duration"
         if not (self.problem.start.pinned and self.problem.end.pinned):
-            yield from ((path, None, "motion") for path in self._stopping())
+            yield from ((path, None, "motion") for path in self._motions_to_rest())
         yield from ((at.path, at.rows, "duration") for at in self.near())
         with suppress(ValueError):  # that no motion of the energy takes the straight line
             yield time_waypoints(self.problem, straight(self.problem).T), None, "line"
@@ -248,8 +248,8 @@ class FirstPaths:
             three = four[k - 1 : k + 2]
         return max(three, key=self.excess)
 
-    def _stopping(self) -> Iterator[Path]:
-        """Yield motions to where they come to rest, if nothing is given at one end.
+    def _motions_to_rest(self) -> Iterator[Path]:
+        """Yield motions from the start to where they come to rest, if nothing is given at the end.
 
         No momentum is left at an end that is free in all coordinates. Of one coordinate, as there
         the energy leaves the motion no choice.

@@ -130,9 +130,9 @@ class Along(Workspace[Iterate]):
     # -- the path and its times of contact -------------------------------------------------------
 
     def _at(self, mesh: Mesh, path: Path | None, lam: Array | None, like: Path | None) -> Iterate:
-        """Return the iterate as other searches do, rows in contact in units of their least slopes.
+        """Return the iterate on a mesh, each row in units of the least slope it has in contact.
 
-        Those of a thin obstacle are less at its edge, by orders, than on the straight line.
+        At the edge of a thin obstacle slopes are less, by orders, than on the straight line.
         """
         here, held = super()._at(mesh, path, lam, like), self.contact_problem
         old, layout = here.tr, here.tr.layout

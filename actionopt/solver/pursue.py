@@ -77,7 +77,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     A path is best where it is least, of those to the nearest points of a surface; from other starts
     one is enough.
     """
-    if problem.is_infinite or problem.has_tails:
+    if problem.leads_to_rest:
         yield from infinite(problem, guess, choices)
         return
     if not problem.has_free_boundary:

@@ -382,10 +382,8 @@ class Search:
     # -- both ------------------------------------------------------------------------------------
 
     def uniform(self, elements: int, degree: int) -> Mesh:
-        problem = self.ws.problem
-        if problem.has_tails:
-            return graded_mesh(problem, elements, degree)
-        return Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
+        """Return the mesh of so many elements on which a path is sought: uniform, but to rest."""
+        return graded_mesh(self.ws.problem, elements, degree)
 
     def _curved_line(self, mesh: Mesh) -> Path:
         """Return a line between the events curved to one side in every coordinate."""
@@ -398,7 +396,7 @@ class Search:
 
     def _step(self, mesh: Mesh) -> Path | None:
         """Return a step from rest to rest over a window; None elsewhere, for the straight line."""
-        found = step(self.ws.problem) if self.ws.problem.has_tails else None
+        found = step(self.ws.problem)
         return None if found is None else Path.interpolate(found, mesh)
 
     def fine_degree(self) -> int:

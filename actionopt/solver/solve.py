@@ -125,7 +125,7 @@ def refuse_rest(solution: Solution) -> Solution:
     That is where a path closes anywhere along itself, or tends to rest.
     """
     problem = solution.problem
-    sought = problem.closes or problem.is_infinite or problem.has_tails
+    sought = problem.closes or problem.leads_to_rest
     if not sought or not solution.success or is_moving(solution):
         return solution
     return replace(solution, status=Status.NOT_FOUND, error=np.inf)

@@ -79,8 +79,8 @@ class Body:
                 return x
         return None
 
-    def over(self, first: Array, last: Array, side: Array) -> list[tuple[Array, Array]] | None:
-        """Return normals and points from one point of the body over a side of it to another."""
+    def arc_over(self, first: Array, last: Array, side: Array) -> list[tuple[Array, Array]] | None:
+        """Return normals and points of the body along an arc between two, over its `side`."""
         normals = [self.normal(first), side, self.normal(last)]
         found = [(normals[0], first)]
         for a, b in pairwise(normals):
@@ -211,7 +211,7 @@ def tight_string(
         middle = (t[k] + t[l]) / 2
         bodies.append(Body(held, i, middle))
         first, last = path(t[[k, l]] - start)
-        chains.append(bodies[-1].over(first, last, side(middle)))
+        chains.append(bodies[-1].arc_over(first, last, side(middle)))
         known.append((np.array([middle - start]), none))
     known.append((np.array([duration]), none))
     if not bodies or any(chain is None for chain in chains):

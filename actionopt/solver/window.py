@@ -206,8 +206,10 @@ def for_search(whole: Problem, tol: float) -> Problem:
 def step(problem: Problem) -> Callable[[Array], Array] | None:
     """Return a step, tanh, from one equilibrium to the other on a window, or None for one alone."""
     before, after = problem.rests
+    if before is None or after is None:
+        return None
     a, b = (np.array(e.near, dtype=float)[:, None] for e in (problem.start, problem.end))
-    if before is None or after is None or (a == b).all():
+    if (a == b).all():
         return None
     rate = np.sqrt(before.slow * after.slow) / 2
     return lambda t: (a + b) / 2 + (b - a) / 2 * np.tanh(rate * t)
@@ -217,12 +219,13 @@ def graded_mesh(problem: Problem, elements: int, degree: int) -> Mesh:
     """Return a mesh over a window, of so many elements or more: the longer, the nearer to rest.
 
     The mesh is graded from where something happens: the event inside the window, else zero.
+    Between given events it is uniform.
     """
     start, end = problem.start, problem.end
     core = next((e.t for e in (start, end) if not e.side), 0.0)
-    if not start.t <= core <= end.t:
-        return Mesh.uniform(start.t, end.t, elements, degree)
     known = [(e.t - core, r.slow) for e, r in zip((start, end), problem.rests, strict=True) if r]
+    if not (known and start.t <= core <= end.t):
+        return Mesh.uniform(start.t, end.t, elements, degree)
     parts = []
     for way, slow in known:
         count = max(elements // len(known), math.ceil(abs(way) * slow / FOLDS_EACH))
