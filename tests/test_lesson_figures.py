@@ -64,6 +64,18 @@ def figure(page, chromium):
     assert chromium.errors == []
 
 
+def test_two_arrows_cancel_where_newton_puts_the_middle_place(figure):
+    for h, last in ((0.3, 1.0), (0.15, -0.4)):
+        fall = last / 2 + G * h**2 / 2
+        there = figure("three", h=h, last=last, x=fall)
+        assert there["said"] == "level" and there["over"] == pytest.approx(G * h**2 / 2)
+        assert there["bend"] == pytest.approx(-there["weight"]) == pytest.approx(G * h)
+        for off, said in ((0.2, "lower"), (-0.3, "higher")):
+            here = figure("three", x=fall + off)
+            assert here["said"] == said
+            assert here["slope"] == pytest.approx(2 * off / h)  # of (x - x1)^2 / h and a line
+
+
 def test_what_a_shift_adds_to_the_action(figure):
     ball = figure("noether", system="ball", middle=False, e=0.4, c=0.0)
     assert ball["said"] == "symmetric" and abs(ball["rise"]) < 1e-12

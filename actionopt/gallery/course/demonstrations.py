@@ -204,6 +204,22 @@ def spring() -> dict[str, Any]:
 
 
 DEMONSTRATIONS: dict[str, Demonstration] = {
+    "three": Demonstration(
+        {
+            "h": "h",
+            "x": "middle place",
+            "last": "last place",
+            "bend": "from T",
+            "weight": "from V",
+            "places": "Three places; arrows: both parts of the slope",
+            "parabola": "S of the middle place: its slope",
+            "level": "Both arrows cancel: S is level. The middle place is {x} cm above the line "
+            "between its neighbours, which is g h\u00b2/2: Newton's law.",
+            "lower": "Here S rises upwards, by {s}: lower the middle place.",
+            "higher": "Here S falls upwards, by {s}: raise the middle place.",
+        },
+        dict,
+    ),
     "noether": Demonstration(
         {
             "system": "What moves",

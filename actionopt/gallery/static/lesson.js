@@ -106,7 +106,9 @@
         if (!way) return;
         event.preventDefault();
         const { x: [a, b], y: [c, d] } = panel.shown, step = STEP * (event.shiftKey ? FINE : 1), [x, y] = place(state);
-        change(move(x + step * (b - a) * way[0], y + step * (d - c) * way[1], state));
+        const to = ([i, j]) => move(x + step * (b - a) * i, y + step * (d - c) * j, state), by = to(way);
+        const stays = Object.entries(by).every(([what, value]) => value === state[what]); // it moves the other way alone
+        change(stays ? to([...way].reverse()) : by);
       });
       return () => {
         const [x, y] = place(state), no = !has(shown);

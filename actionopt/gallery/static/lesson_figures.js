@@ -93,6 +93,36 @@ globalThis.actionopt.figures = (() => {
     };
   };
 
+  // -- three places of a ball of 1 kg, a time h apart, of which the middle one moves
+  const three = () => {
+    const SNAP = 0.012; // m: nearer than this to where the slope is zero it is there
+    const S = (x, [first, last], h) => ((x - first) ** 2 + (last - x) ** 2) / (2 * h) - h * G * x;
+    const still = ([first, last], h) => (first + last) / 2 + (G * h * h) / 2;
+    return {
+      state: { h: 0.3, x: 0.6, last: 1 },
+      sliders: { h: { from: 0.1, to: 0.4, unit: "s" } },
+      handles: [
+        { panel: "places", says: "x", place: ({ h, x }) => [h, x], move: (_, x, { h, last }) => ({ x: Math.abs(x - still([0, last], h)) < SNAP ? still([0, last], h) : clamp(x, -0.6, 2) }) },
+        { panel: "places", says: "last", place: ({ h, last }) => [2 * h, last], move: (_, last) => ({ last: clamp(last, -0.6, 2) }) },
+      ],
+      panels: { places: 0.7, parabola: 0.7 },
+      see({ h, x, last }, W) {
+        const ends = [0, last], bend = (2 * x - last) / h, weight = -G * h, slope = bend + weight, calm = still(ends, h), long = 0.22; // m for each N s
+        const curve = range(-0.6, 2, 61).map((at) => [at, S(at, ends, h)]), here = S(x, ends, h), y = room(curve.map((r) => r[1]).filter((v) => v < here + 12));
+        return {
+          measured: { h, x, slope, bend, weight, over: calm - last / 2 }, values: { x: written(100 * (calm - last / 2), 3), s: `${digits(Math.abs(slope), Math.abs(slope))}\u00a0N\u00a0s` },
+          text: [...[["bend", bend], ["weight", weight]].map(([part, x]) => `${W[part]} = ${digits(x, 10)}\u00a0N\u00a0s`), `dS/dx\u2082 = ${digits(slope, 10)}\u00a0N\u00a0s`],
+          places: {
+            x: [-0.05, 0.85], y: [-0.8, 2.2], across: "t (s)", up: "x (m)", keys: [["bend", "c1"], ["weight", "c2"]],
+            marks: [["line", "motion", [[0, 0], [2 * h, last]]], ["line", "trial", [[0, 0], [h, x], [2 * h, last]]], ["dot", "event", [0, 0], 5],
+              ["arrow", "force", [h - 0.012, x], [h - 0.012, x + long * bend]], ["arrow", "weight", [h + 0.012, x], [h + 0.012, x + long * weight]]],
+          },
+          parabola: { x: [-0.6, 2], y, across: "x\u2082 (m)", up: "S (J s)", marks: [["line", "trial", curve], ["line", "tangent here", [-0.5, 0.5].map((by) => [x + by, here + slope * by])], ["dot", "event", [calm, S(calm, ends, h)], 4], ["dot", "dot", [x, here], 6]] },
+        };
+      },
+    };
+  };
+
   // -- dF/dt beside L
   const gauge = (data) => {
     const laws = Object.fromEntries(Object.entries(data.laws).map(([name, law]) => [name, numbered(law)]));
@@ -442,6 +472,12 @@ globalThis.actionopt.figures = (() => {
       symmetric: (m) => Math.abs(m.rise) <= NOTHING * m.size,
       broken: () => true,
     },
+    // Three places: { slope, bend, weight }, the slope of S with the middle one and its two parts
+    three: {
+      level: (m) => Math.abs(m.slope) <= NOTHING * Math.abs(m.weight),
+      lower: (m) => m.slope > 0,
+      higher: () => true,
+    },
     // What is added to L: { c, spread, size, moved }, how differently S rises for different bends
     gauge: {
       nothing: (m) => m.c === 0,
@@ -493,5 +529,5 @@ globalThis.actionopt.figures = (() => {
       gives: () => true,
     },
   });
-  return { noether, gauge, legendre, phase, optics, rod, bends, slits, string };
+  return { three, noether, gauge, legendre, phase, optics, rod, bends, slits, string };
 })();

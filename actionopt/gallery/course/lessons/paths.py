@@ -203,6 +203,12 @@ LOCAL = Lesson(
         "Press Solve, drag one handle, and look at the missing force: where is it not zero? Only "
         "near the handle that you moved.",
     ),
+    observe=(
+        "Now three places alone. The slope of S with the middle one has two parts, from T and from "
+        "V: drag it until both arrows cancel. Then slide h: how does its height above the dashed "
+        "line depend on h?",
+    ),
+    figure="three",
     explain=(
         "Take three places on the path, a time h apart, and move only the one in the middle. Two "
         "short pieces feel it, and no other.",
