@@ -419,3 +419,27 @@ def test_what_moves_a_closed_path_is_no_direction_down_on_very_short_elements():
     )
     assert again.morse_index == orbit.morse_index == 2  # 3 by round-off otherwise
     assert again.inertia.moves == 1
+
+
+@pytest.mark.parametrize(
+    ("n", "status"), [(8, ao.Status.FLOOR), (7, ao.Status.DEGENERATE)], ids=["apart", "resonant"]
+)
+def test_coordinates_that_hardly_move_make_no_family(n, status):
+    """A chain driven at its first, of which each moves a thirtieth of the one before.
+
+    Modes of twice the frequency have -0.2 cos(k pi / (n + 1)) in place of zero: none of an even n.
+    """
+
+    def lagrangian(q, v, t):
+        neighbours = sum(q[i] * q[i + 1] for i in range(n - 1))
+        return (v @ v) / 2 - 2 * (q @ q) + 0.1 * neighbours + q[0] * np.cos(t)
+
+    chain = ao.System(lagrangian, [f"x{i}" for i in range(n)])
+    problem = ao.Problem(chain, ao.Event(0, [None] * n), Periodic(2 * np.pi))
+    solution = ao.solve(problem, tol=1e-8, throw=False)
+    assert solution.status is status
+    if n == 8:
+        matrix = 3 * np.eye(n) - 0.1 * (np.eye(n, k=1) + np.eye(n, k=-1))
+        exact = np.linalg.inv(matrix)[0]
+        assert np.max(np.abs(solution(0.0) - exact)) < 1e-13
+        assert np.max(np.abs(solution(0.0) - exact) / exact) < solution.error

@@ -60,9 +60,11 @@ class Transcription(Action):
         """What each unknown is of the same inertia, (unknowns,), one for the least of them."""
         if self.problem.system.n == 1:
             return np.ones(self.layout.unknowns)
-        inertia = diagonal(self.problem.system, 2, self.inertia[None])[0] * self.lengths**2
+        mass = diagonal(self.problem.system, 2, self.inertia[None])[0]
+        inertia, least = mass * self.lengths**2, second_quadrature.MASSLESS
         largest = inertia.max()
-        inertia[inertia <= second_quadrature.MASSLESS * largest] = largest
+        # What hardly moves has a small inertia for its size alone, and is not massless for that.
+        inertia[(inertia <= least * largest) & (mass <= least * mass.max())] = largest
         return np.sqrt(largest / inertia)[self.layout.free % inertia.size]
 
     @property

@@ -115,7 +115,11 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
         rounded = expected < MEASURABLE or here.gain * expected < here.noise
         if rounded and SAFETY * here.noise > tol:
             ws.here = here.with_larger_noise()
-            return _failure(ws) if ws.here.noise > UNDETERMINED else Status.FLOOR
+            if ws.here.noise <= UNDETERMINED:
+                return Status.FLOOR
+            status = _failure(ws)
+            # Of linear equations that bend in all directions it is a path, as far as it is known.
+            return Status.FLOOR if ws.linear and status is Status.UNRESOLVED else status
         stalled = stalled + 1 if worst > before.worst / 2 else 0
         if stalled == STALLED or ws.has_kink:
             return _failure(ws)
