@@ -13,9 +13,17 @@ from actionopt.solver.search import Search
 from actionopt.solver.strategies import STRATEGIES
 from actionopt.solver.workspace import Workspace
 
-
 # Scenes each of which takes ten times as long as most.
 LONG = {"string_to_wall", "way_round_ball"}
+
+
+def _case(x, *marks):
+    return pytest.param(*(x if isinstance(x, tuple) else (x,)), marks=marks)
+
+
+def slow(*variants):
+    """Return variants of a test that are run where the slow ones are."""
+    return [_case(x, pytest.mark.slow) for x in variants]
 
 
 def a_quarter(variants, first=0):
@@ -23,13 +31,11 @@ def a_quarter(variants, first=0):
 
     All are run where the slow ones are; scenes that take long are run there alone.
     """
-    return [
-        pytest.param(
-            *(x if isinstance(x, tuple) else (x,)),
-            marks=[pytest.mark.slow] * bool((k - first) % 4 or (isinstance(x, str) and x in LONG)),
-        )
-        for k, x in enumerate(variants)
-    ]
+    found = []
+    for k, x in enumerate(variants):
+        spared = (k - first) % 4 or (isinstance(x, str) and x in LONG)
+        found += slow(x) if spared else [_case(x)]
+    return found
 
 
 def of_one_leg():

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from helpers import slow
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import brentq
@@ -539,7 +540,7 @@ def on_ring(t, theta, rate=None):
     return ao.Event(t, [math.cos(theta), math.sin(theta)], v=v)
 
 
-@pytest.mark.parametrize(("load", "inner"), [(0.0, 0.9), (60.0, None), (150.0, None)])
+@pytest.mark.parametrize(("load", "inner"), [(0.0, 0.9), *slow((60.0, None)), (150.0, None)])
 def test_a_beam_under_a_constraint_is_the_one_of_coordinates_that_need_none(load, inner):
     plane, angle = bent_ring(load)
     gates = [] if inner is None else [(0.6, inner)]

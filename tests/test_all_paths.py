@@ -6,7 +6,7 @@ from itertools import islice, product
 import numpy as np
 import pytest
 import systems
-from helpers import integrated
+from helpers import integrated, slow
 
 import actionopt as ao
 from actionopt import scenes
@@ -42,10 +42,7 @@ def test_bratu(lam, actions):
 
 @pytest.mark.parametrize(
     ("h", "areas"),
-    [
-        (0.5, [5.99179697580228191, 6.84565539431063018]),
-        pytest.param(0.67, [], marks=pytest.mark.slow),
-    ],
+    slow((0.5, [5.99179697580228191, 6.84565539431063018]), (0.67, [])),
 )
 def test_soap_film(h, areas):
     # Catenoids between rings of radius 1 at -+h exist up to h = 0.662743419349.

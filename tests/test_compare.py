@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter
+from helpers import a_quarter, slow
 from motions import ellipse, growing, kicked, of_scene, oscillation, pendulum
 from scipy.optimize import brentq
 from scipy.special import ndtr
@@ -212,7 +212,7 @@ def test_start_that_is_not_the_curve_s_own():
     assert not found.agrees
 
 
-@pytest.mark.parametrize("width", [1e-2, 1e-3])
+@pytest.mark.parametrize("width", [*slow(1e-2), 1e-3])
 def test_a_kick_that_the_curve_knows_or_not(width):
     system, exact = kicked(width, 0.613)
     found = compare(between(system, exact, 0.0, 1.0))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import systems
+from helpers import slow
 
 import actionopt as ao
 from actionopt import scenes
@@ -152,10 +153,7 @@ CLOSED = {
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(x, marks=pytest.mark.slow) if x in ("isochronous", "Kepler") else x
-        for x in CLOSED
-    ],
+    ["isotropic", *slow(*(x for x in CLOSED if x != "isotropic"))],
 )
 @pytest.mark.parametrize(
     "shape", [0.3, *(pytest.param(c, marks=pytest.mark.slow) for c in (0.5, 0.8))]

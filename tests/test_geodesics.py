@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 import systems
+from helpers import slow
 
 import actionopt as ao
 from actionopt.solver.revisions import _nearer, stretch_to_end
@@ -39,8 +40,8 @@ def test_the_least_time_in_a_wind(w, T):
 @pytest.mark.parametrize(
     "angle, T",
     [
-        pytest.param(3.3, 50.4997725673849, marks=pytest.mark.slow),
-        (9.5, 84.8553103202039),
+        (3.3, 50.4997725673849),
+        *slow((9.5, 84.8553103202039)),
     ],
 )
 def test_light_around_a_black_hole(angle, T):

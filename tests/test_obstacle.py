@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter
+from helpers import a_quarter, slow
 
 import actionopt as ao
 from actionopt import plot
@@ -247,7 +247,7 @@ def test_the_fastest_path_round_a_disc():
     assert ao.solve(later).duration == pytest.approx(sol.duration, rel=1e-12)
 
 
-@pytest.mark.parametrize("end", [1.0, None])
+@pytest.mark.parametrize("end", [*slow(1.0), None])
 def test_a_string_over_a_disc_and_on_to_a_line(end):
     """From the top of the disc it goes straight across the line x = 2."""
     A, energy = (-2, 0.3), 2.0

@@ -3,7 +3,7 @@
 import matplotlib
 import numpy as np
 import pytest
-from helpers import solved
+from helpers import slow, solved
 
 import actionopt as ao
 from actionopt import plot, scenes
@@ -19,7 +19,7 @@ def oscillator(T):
     return solved("oscillator", duration=T, end=end)
 
 
-@pytest.mark.parametrize("hbar", [0.03, 0.01, 0.001])
+@pytest.mark.parametrize("hbar", [0.01, *slow(0.03, 0.001)])
 @pytest.mark.parametrize(("T", "turned"), [(2.2, 45.0), (4.4, -45.0)])
 def test_the_sum_is_turned_by_a_quarter_at_the_focus(T, turned, hbar):
     # S = (x'^2 - x^2) / 2 along sin(pi t / T): S'' = (T / 2) ((pi / T)^2 - 1), times a size.

@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import systems
+from helpers import slow
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
@@ -453,7 +454,7 @@ class Stop:
             raise self.error
 
 
-@pytest.mark.parametrize("pool", [None, ThreadPoolExecutor])
+@pytest.mark.parametrize("pool", [None, *slow(ThreadPoolExecutor)])
 def test_an_interruption_keeps_what_is_done(serial, short, pool, tmp_path):
     pool = pool and pool(1)
     given = {"executor": pool, "record": "index", "resume": tmp_path / "it"}
