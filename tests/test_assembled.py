@@ -1,5 +1,7 @@
 """The second variation as one sparse matrix: modes, signs and derivatives against closed forms."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -55,3 +57,39 @@ def test_second_derivatives_of_a_lattice(solution):
     across = MODES @ np.diag(-SPEEDS / np.sin(SPEEDS * T)) @ MODES.T
     for matrix, exact in ((found.q0q0, own), (found.q1q1, own), (found.q0q1, across)):
         np.testing.assert_allclose(matrix, exact, atol=1e-9 * np.abs(across).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Full:
+    """A full symmetric matrix, as an operator whose lowest eigenvalues are sought."""
+
+    matrix: np.ndarray
+
+    @property
+    def size(self):
+        return len(self.matrix)
+
+    def times(self, block):
+        return self.matrix @ block
+
+    def solver(self, shift):
+        shifted = self.matrix - shift * np.eye(self.size)
+        return (
+            None if np.linalg.eigvalsh(shifted)[0] <= 0 else lambda b: np.linalg.solve(shifted, b)
+        )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_lowest_eigenvalues_are_those_of_a_full_matrix_equal_ones_too(seed):
+    """Inverse iteration stopped at values a tenth off, where those sought were far below others."""
+    rng = np.random.default_rng(seed)
+    size, count = int(rng.integers(8, 60)), int(rng.integers(1, 8))
+    values = np.sort(rng.standard_normal(size) * 10.0 ** rng.uniform(-2, 4, size))
+    values[: count // 2] = values[0]
+    turn, _ = np.linalg.qr(rng.standard_normal((size, size)))
+    matrix = (turn * values) @ turn.T
+    matrix = (matrix + matrix.T) / 2
+    found, vectors = modes._subspace(Full(matrix), 10.0 ** rng.uniform(-4, 2), count)
+    scale = np.abs(values).max()
+    assert np.max(np.abs(found - values[:count])) < 1e-9 * scale
+    assert np.max(np.abs(matrix @ vectors - vectors * found)) < 1e-6 * scale

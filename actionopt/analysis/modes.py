@@ -31,9 +31,10 @@ ASSEMBLED = 300  # free variations from which one sparse matrix takes less time.
 MANY_LOWER = 4  # eigenvalues below one that is sought: to count them takes less; ad hoc
 SETTLED_VALUES = 1e-10  # of the largest, how far eigenvalues move that have settled; ad hoc
 NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are round-off; ad hoc
-SHIFT_STEPS = 4  # of inverse iteration with one shift: a factorization costs some of them; ad hoc
+KRYLOV_BLOCKS = 9  # with one shift: a factorization costs some of them; ad hoc
+SPARE_MODES = 2  # sought beside those that are asked for, which may be as low; ad hoc
 RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where values are close; ad hoc
-SUBSPACE_STEPS = 200  # of inverse iteration, most; ad hoc, it ends by itself in some tens
+SHIFTS = 50  # most; ad hoc, it ends by itself after some
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,32 +322,57 @@ def _variations(form: AssembledForm, vectors: Array) -> Array:
 
 
 def _subspace(matrix: _Operator, gap: float, count: int) -> tuple[Array, Array]:
-    """Return the lowest eigenvalues (count,) and vectors (size, count) by inverse iteration.
+    """Return the lowest eigenvalues (count,) and vectors (size, count), by Lanczos's method.
 
-    The shift lies below the spectrum, which the pivots' signs tell, so that the matrix is
-    positive definite and its factorization needs no pivoting. From step to step it comes nearer;
-    `gap` is how far below zero it begins.
+    On the inverse, in blocks, so that equal eigenvalues are told apart. The shift lies below the
+    spectrum, which the pivots' signs tell, so that the matrix is positive definite and its
+    factorization needs no pivoting. `gap` is how far below zero it begins; it comes nearer where
+    a subspace of `KRYLOV_BLOCKS` blocks has not settled the values.
+
+    References
+    ----------
+    Golub and Underwood, in *Mathematical Software III* (1977), pp. 361-377.
     """
     size = matrix.size
-    block = np.random.default_rng(0).standard_normal((size, min(2 * count + 6, size)))
-    shift, solve = -gap, None
-    values, last = np.full(count, np.inf), np.inf
-    for step in range(SUBSPACE_STEPS):
-        if step % SHIFT_STEPS == 0:
-            if step:
-                gap = values[-1] - values[0] + RITZ_ERROR * abs(values[0])
-                shift = max(shift, float(values[0] - gap))
-            while (nearer := matrix.solver(shift)) is None:  # the lowest was no Ritz value
-                gap *= 16
-                shift -= gap
-            solve = nearer
-        assert solve is not None
-        block, _ = np.linalg.qr(solve(block))
+    block = np.random.default_rng(0).standard_normal((size, min(count + SPARE_MODES, size)))
+    shift, values = -gap, np.full(count, np.inf)
+    for step in range(SHIFTS):
+        if step:
+            gap = values[-1] - values[0] + RITZ_ERROR * abs(values[0])
+            shift = max(shift, float(values[0] - gap))
+        while (solve := matrix.solver(shift)) is None:  # the lowest was no Ritz value
+            gap *= 64
+            shift -= gap
+        block, settled = _krylov(solve, block, count, shift)
         ritz, turn = np.linalg.eigh(block.T @ matrix.times(block))
         block = block @ turn
         scale, change = np.abs(ritz[:count]).max() + abs(shift), np.abs(ritz[:count] - values).max()
         values = ritz[:count]
-        if change < 1e-13 * scale or last / 2 < change < NEARLY_SETTLED * scale:
+        if settled or change < NEARLY_SETTLED * scale:
             break
-        last = change
     return values, block[:, :count]
+
+
+def _krylov(
+    solve: Callable[[Array], Array], block: Array, count: int, shift: float
+) -> tuple[Array, bool]:
+    """Return what is lowest, (size, width), in the subspace of a block (size, width) and images.
+
+    And whether the values are settled.
+    """
+    width = block.shape[1]
+    basis, _ = np.linalg.qr(block)
+    images, values, settled = np.empty((len(block), 0)), np.zeros(count), False
+    while True:
+        images = np.concatenate([images, solve(basis[:, images.shape[1] :])], axis=1)
+        inverse, turn = np.linalg.eigh(basis.T @ images)
+        last, values = values, shift + 1 / inverse[: -count - 1 : -1]
+        room = min(KRYLOV_BLOCKS * width, len(block)) - basis.shape[1]
+        if settled or not room:
+            return basis @ turn[:, : -width - 1 : -1], bool(settled)
+        # Once more then, as vectors have half the digits of values.
+        settled = np.abs(values - last).max() < 1e-13 * (np.abs(values).max() + abs(shift))
+        new = images[:, -width:][:, :room]
+        for _ in range(2):
+            new = new - basis @ (basis.T @ new)
+        basis = np.concatenate([basis, np.linalg.qr(new)[0]], axis=1)
