@@ -34,7 +34,7 @@ NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are r
 KRYLOV_BLOCKS = 9  # with one shift: a factorization costs some of them; ad hoc
 SPARE_MODES = 2  # sought beside those that are asked for, which may be as low; ad hoc
 RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where values are close; ad hoc
-SHIFTS = 50  # most; ad hoc, it ends by itself after some
+MODE_SHIFTS = 50  # most; ad hoc, it ends by itself after some
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +336,7 @@ def _subspace(matrix: _Operator, gap: float, count: int) -> tuple[Array, Array]:
     size = matrix.size
     block = np.random.default_rng(0).standard_normal((size, min(count + SPARE_MODES, size)))
     shift, values = -gap, np.full(count, np.inf)
-    for step in range(SHIFTS):
+    for step in range(MODE_SHIFTS):
         if step:
             gap = values[-1] - values[0] + RITZ_ERROR * abs(values[0])
             shift = max(shift, float(values[0] - gap))

@@ -32,7 +32,7 @@ SPARSE = 30
 PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
 # Nonzeros of L in a row up to which factorizing again, for several right-hand sides at once, takes
 # less than handing L over as an object. Measured: at 16 five take 1.4 and 2.3 ms, at 35 20 and 8.
-AGAIN = 24
+COLUMN_FACTORS = 24
 LARGE_SIZE = 50_000  # unknowns and rows whose factors take a second or so; ad hoc
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 # Of a constraint's row. Measured: counts are right where all are 1e-3, wrong from 1e-6 on.
@@ -392,7 +392,7 @@ class SparseFactors:
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,), or several, (size, c)."""
-        if right.ndim > 1 and self._factors[1].nnz() < AGAIN * self._layout.size:
+        if right.ndim > 1 and self._factors[1].nnz() < COLUMN_FACTORS * self._layout.size:
             return _solver(self._layout, "ldl", right.shape[1])(self._values, right.T).T
         right = right if self._order is None else right[self._order]
         if right.ndim > 1:
