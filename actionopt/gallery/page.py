@@ -39,7 +39,7 @@ WRITTEN = (  # how docstrings write mathematics, escaped, and how books do, in t
     (r"(?<=\w)'(?=\w)", "\N{RIGHT SINGLE QUOTATION MARK}"),
     (r"-&gt;", "\u2192"),
     (r"&lt;=", "\u2264"),
-    (r"(?<![\w.])-(?=[\w(])|(?<= )-(?= )", "\u2212"),
+    (r"(?<![\w.])-(?=[\w(\u221a])|(?<= )-(?= )", "\u2212"),
 )
 
 

@@ -187,7 +187,7 @@ globalThis.actionopt.figures = (() => {
           },
           hamiltonian: {
             x: room(curve.map(([, x]) => x.p)), y: room([...energies, 0], 0.12), across: "p", up: "H",
-            marks: [["line", "trial c1", curve.map(([, x]) => [x.p, x.H])], ["line", "tangent", [-1, 1].map((k) => [p + k * 1.2, H + k * 1.2 * v])], ["dot", "event", [p, H], 6], ["text", "name", [p, H], W.velocity, "middle", [0, -12]]],
+            marks: [["line", "trial c1", curve.map(([, x]) => [x.p, x.H])], ["line", "tangent", [-1, 1].map((k) => [p + k * 1.2, H + k * 1.2 * v])], ["dot", "event", [p, H], 6], ["text", "name", [p, H], W.velocity, v > 0 ? "end" : "start", [v > 0 ? -12 : 12, 4]]],
           },
         };
       },
