@@ -274,7 +274,7 @@ def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:
 
 def with_duration(found: Inertia, bordered: Bordered, y: Array, form: Form | None) -> Inertia:
     """Return the inertia with the duration varying, from that over a fixed one."""
-    if bordered.late is None:
+    if bordered.log_duration is None:
         return found
     if found.nullity > bordered.phases:
         beside = None if form is None else _duration(form, bordered)
@@ -308,7 +308,7 @@ def _duration(form: Form, bordered: Bordered) -> tuple[BorderTerm, float] | None
 
     None where that is given, or constraints move with it: variations do not keep them then.
     """
-    if bordered.late is None:
+    if bordered.log_duration is None:
         return None
     at, tr, asked = form.at, form.at.tr, bordered.problem
     lam = np.nan_to_num(at.rows) if tr.layout.rows else None
@@ -331,8 +331,8 @@ def _duration(form: Form, bordered: Bordered) -> tuple[BorderTerm, float] | None
     point = tr.place(at.x)
     mass = asked.system.pointwise("second").product(2, tr.second(at.x)[2], point.v, symmetric=True)
     kinetic = float(np.sum(tr.weight * point.v * mass))
-    assert there.late is not None
-    return BorderTerm(float(row[there.late]) * unit, parts), kinetic
+    assert there.log_duration is not None
+    return BorderTerm(float(row[there.log_duration]) * unit, parts), kinetic
 
 
 def tolerance_of(error: float) -> float:

@@ -180,15 +180,10 @@ class Bordered:
         return self.first.lengths
 
     @property
-    def late(self) -> int | None:
+    def log_duration(self) -> int | None:
         """The number of log T among the unknowns, None where the duration is given."""
         found = self.times_border
         return found[1].start if found is not None and found[0].first.size == 1 else None
-
-    @property
-    def resting(self) -> int:
-        """Which event's time does not move with the duration: 0 for the start, -1 for the end."""
-        return 0 if self.problem.end.t is None else -1
 
     @property
     def forces(self) -> slice:
@@ -365,18 +360,18 @@ class Bordered:
         Raises numpy.linalg.LinAlgError where they do not follow one another.
         """
         K, B, C, D = self._derivatives(y)
-        assert self.late is not None
-        k = self.late - len(B)
+        assert self.log_duration is not None
+        k = self.log_duration - len(B)
         row, column, own = np.r_[C[k], D[k]], np.r_[B[:, k], D[:, k]], D[k, k]
         B[:, k], C[k], D[k], D[:, k], D[k, k] = 0.0, 0.0, 0.0, 0.0, 1.0
-        row[self.late] = column[self.late] = 0.0
+        row[self.log_duration] = column[self.log_duration] = 0.0
         return float(own - row @ Factors(self.layout, self.layout.join(K, B, C, D)).solve(column))
 
     def by_duration(self, y: Array) -> Array:
         """Return the derivative of T (E - H) by the unknowns, log T among them, (size,)."""
         _, B, C, D = self._derivatives(y)
-        assert self.late is not None
-        k = self.late - len(B)
+        assert self.log_duration is not None
+        k = self.log_duration - len(B)
         return np.r_[C[k], D[k]]
 
     def relative_step(self, step: Array) -> float:

@@ -93,8 +93,9 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
     knots = np.union1d(contacts_of(tr.problem).knots, times)
     rates = np.array([np.interp(b, knots, row) for row in np.eye(knots.size)])
     rates, late = rates[np.searchsorted(knots, times)], None
-    if isinstance(equations, Bordered) and equations.late is not None:  # with log T as well
-        late, rates = equations.late, np.vstack([rates, b - b[equations.resting]])
+    if isinstance(equations, Bordered) and equations.log_duration is not None:  # with log T as well
+        late, given = equations.log_duration, 0 if equations.problem.end.t is None else -1
+        rates = np.vstack([rates, b - b[given]])
     stretch, met = Stretch(at, rates), list(slips(at))
     columns, rows = np.zeros((z.size, count)), np.zeros((len(met), z.size))
     columns[: tr.layout.size] = stretch.residuals()[:, :count]

@@ -16,15 +16,14 @@ from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.scales import diagonal
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.iterate import ROUNDED
+from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 
 # Ad hoc: what comes of it is a guess.
 RATE_STEPS = 40  # of the fixed point for the rate: one where L is quadratic in v
 SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
-ROUND = 81  # waypoints of a guess
-EQUILIBRIUM_STEPS = 20  # of Newton's method to an equilibrium
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
-LINE = 41  # points on the straight line
+LINE = 41  # points on the straight line; a guess that comes back has as many each way
 # Of one coordinate: points of its quadrature at most, and what one more halving may change of the
 # duration in each interval.
 QUADRATURE_POINTS, QUADRATURE_CHANGE = 4000, 1e-6
@@ -196,7 +195,7 @@ def turning_waypoints(problem: Problem) -> Array | None:
 
     centre = problem.start.q[0] or 0.0
     if problem.advance.any():
-        turn = centre + problem.advance * np.linspace(0, 1, ROUND)
+        turn = centre + problem.advance * np.linspace(0, 1, 2 * LINE - 1)
         return turn[None] if (left(turn) > 0).all() else None
     x = centre + problem.scales[0] * np.concatenate([-SEEN[::-1], [0.0], SEEN])
     inside = left(x) > 0
@@ -216,7 +215,7 @@ def turning_waypoints(problem: Problem) -> Array | None:
             )
         ends.append(within)
     a, b = ends
-    turn = np.linspace(0, 2 * np.pi, ROUND)
+    turn = np.linspace(0, 2 * np.pi, 2 * LINE - 1)
     return (a + (b - a) * (1 - np.cos(turn)) / 2)[None]
 
 
@@ -237,7 +236,7 @@ def oscillations(problem: Problem) -> list[Path]:
     q, v, now = np.array([x or 0.0 for x in problem.start.q]), np.zeros((1, system.n)), [[t]]
     state = v, np.array(now, dtype=float), problem.packed
     with np.errstate(all="ignore"):
-        for _ in range(EQUILIBRIUM_STEPS):
+        for _ in range(PATIENT):
             force = first(q[None], *state)[0][0].copy()
             values = [x.copy() for x in second(q[None], *state)]
             A, B, C = (second.full(i, values[i], symmetric=i != 1)[0] for i in range(3))

@@ -48,14 +48,13 @@ from actionopt.solver.touching import (
     sample_times,
 )
 from actionopt.solver.window import set_phase
-from actionopt.solver.workspace import Workspace
+from actionopt.solver.workspace import PATIENT, Workspace
 from actionopt.tools.types import EPS, RANK, Array
 
 # Ad hoc, all of them, where nothing else is said.
 FLAT = 1e-3  # in units of the rows' typical gradients: a row has none
 FLATTEST = 1e-6  # of its gradient on the straight line: a row that still has a unit of its own
 TURN = np.pi / 4  # of the obstacle's normal along one of these
-JOINS = 25  # steps to the times of contact
 RUNAWAY_STEP = 10.0  # in units of the motion: a longer step leads nowhere
 SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # Of the duration, in this range the tolerance: a shorter part between times of contact is none. Of
@@ -282,7 +281,7 @@ class Along(Workspace[Iterate]):
     def _join(self, force: Array | float = 0.0) -> bool:
         """Move path and times of contact to where it is tangential; False if that fails."""
         last, stalled = np.inf, False
-        for _ in range(JOINS):
+        for _ in range(PATIENT):
             times = self.contact_problem.contact_times
             if not times.size:
                 return True

@@ -23,8 +23,6 @@ from actionopt.solver.signals import HALVINGS
 from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 
-TIME_STEPS = 20  # ad hoc
-
 
 def lower(problem: Problem, path: Path, times: Array) -> tuple[Path, Array] | None:
     """Return a path near one of least action in its times, and these; None if none is found.
@@ -49,7 +47,7 @@ def lower(problem: Problem, path: Path, times: Array) -> tuple[Path, Array] | No
         return np.r_[found[0], y[own]], tr.action(found[0]) + energy * (t[-1] - t[0])
 
     now = over_times(y)
-    for _ in range(TIME_STEPS):
+    for _ in range(PATIENT):
         if now is None:
             return None
         y, action = now

@@ -22,12 +22,14 @@ from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.preflight import check
+from actionopt.solver.search import CURVED_HEIGHT
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import EPS, Array
 
 # Ad hoc, all of them.
-HEIGHTS = (0.4, 0.8, 1.6, 3.2)  # in the motion's sizes, of the lines to either side of the straight
+# In the motion's sizes, of the lines to either side of the straight one.
+HEIGHTS = CURVED_HEIGHT * 2.0 ** np.arange(4)
 ACROSS = np.linspace(0.0, 6.4, 129)  # in the motion's sizes, where the other side is looked for
 WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
 WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
