@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.discrete.crossing import first_crossing
+from actionopt.discrete.crossing import _first_jump, first_crossing
 
 JUMPS = {
     "where": lambda q, v, t: np.where(q[0] > 0, 1.4, 1.0) * np.sqrt(1 + v[0] ** 2),
@@ -138,6 +138,30 @@ def test_a_cusp_is_no_jump_however_near_it_is_seen(power, jumps):
     problem = ao.Problem(system, ao.Event(0.0, [-1.0]), ao.Event(2.0, [1.0]))
     mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
     found = first_crossing(system.switches, problem, ao.Path.interpolate(lambda t: [t - 1], mesh))
+    assert (found is not None) is jumps
+
+
+@pytest.mark.parametrize(("height", "jumps"), [(0.0, False), (1e-8, True)])
+def test_a_kink_that_rounds_to_steps_is_no_jump(height, jumps):
+    """The cosine of 1e-8 is one or its neighbour: arccos of it is zero or 1.5e-8."""
+
+    def lagrangian(q, v, t):
+        kink = np.arccos(np.cos(q[0])) if not jumps else height * q[0] / np.sqrt(q[0] ** 2)
+        return v[0] ** 2 / 2 - 0.9 * kink
+
+    problem = ao.Problem(ao.System(lagrangian, ["x"]), ao.Event(0.0, [-1.0]), ao.Event(2.0, [1.0]))
+    mesh = ao.Mesh([0.0, 0.3, 2.0], [3, 3])
+    path = ao.Path.interpolate(lambda t: [t - 1], mesh)
+
+    def rounds_to_zero(x):
+        return np.arccos(np.cos(x)) == 0.0
+
+    low, high = 0.0, 1e-7
+    while not jumps and high - low > 1e-15:  # where it begins to differ from zero
+        middle = (low + high) / 2
+        low, high = (middle, high) if rounds_to_zero(middle) else (low, middle)
+    at = np.array([1.0 + low]), np.array([1.0 + max(high, 1e-15)])
+    found = _first_jump(problem, path, *at)
     assert (found is not None) is jumps
 
 

@@ -7,6 +7,7 @@ where these change, all others where the balance of energy does not hold (`energ
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,10 +25,14 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.switches import Switches
 from actionopt.mechanics.tracing import SAMPLES
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
 LONGEST_TEXT = 60  # of a surface that is told; ad hoc
 CONTINUOUS = 1e-9  # of the largest |L| along the path: branches this close meet; ad hoc
+# Of L, a step that may be arccos's of a rounded cosine: half of the digits. Derived.
+HALF_OF_DIGITS = 4 * math.sqrt(EPS)
+# Of the duration, how far from a step L is continued: of arccos ten digits are left. Derived.
+FARTHER = 64 * math.sqrt(EPS)
 # Distances from a jump to either side, in units of the shortest, at which L is compared. A jump is
 # the same at all of them; of a cusp |x|^a the upper quartile is 500^a times the lower one.
 WIDER = 4.0 ** np.arange(10)
@@ -142,6 +147,9 @@ def _first_jump(problem: Problem, path: Path, low: Array, high: Array) -> tuple[
     kept[jumps] = kept[jumps, :1]
     L = first(q, kept.reshape(v.shape), t, problem.packed)[2]
     heights = _heights(L.reshape(since.shape))
+    rounded = (heights > 0) & (heights <= HALF_OF_DIGITS * np.nanmax(np.abs(L), initial=0.0))
+    if rounded.any():
+        heights[rounded & ~jumps & _meet_nearby(problem, path, low, high)] = 0.0
     if not heights.any():
         return None
     k = int(np.argmax(heights > 0))
@@ -149,6 +157,25 @@ def _first_jump(problem: Problem, path: Path, low: Array, high: Array) -> tuple[
     q, v = (part[:, 0] for part in path.carried_on(high[k : k + 1], 1.0))
     height, change = float(heights[k]), float(abs(after - before))
     return Jump(float(problem.start.t + high[k]), q, v, height, change), k
+
+
+def _meet_nearby(problem: Problem, path: Path, low: Array, high: Array) -> Array:
+    """Return whether L meets in a kink near a place, continued from farther off on either side, (K,).
+
+    Next to one that is written as arccos(cos(q)) it is known to half of the digits, and steps.
+    """
+    apart = FARTHER * problem.duration * np.array([1.0, 2.0])
+    since = np.stack([low[:, None] - apart, high[:, None] + apart])
+    since = np.clip(since, 0.0, problem.duration)
+    q = path.carried_on(since.ravel(), 1.0, problem.system.order)[0].T
+    middle = np.broadcast_to((low + high)[:, None] / 2, since.shape).ravel()
+    v = path.carried_on(middle, 1.0, problem.system.order)[1].T  # an element rounds its kink off
+    t = problem.start.t + middle[:, None]
+    L = problem.system.pointwise("first")(q, v, t, problem.packed)[2]
+    near, far = np.moveaxis(L.reshape(since.shape), -1, 0)
+    left, right = 2 * near - far
+    kink = (far - near).sum(axis=0)  # what its slope changes by, times the distance
+    return np.abs(right - left) < np.abs(kink) / 2
 
 
 def _heights(values: Array) -> Array:
