@@ -375,6 +375,7 @@ def test_no_path_crosses_a_jump(steps, on):
     assert short.velocity(1.0)[0] == pytest.approx(0.15)
 
 
+@pytest.mark.slow
 def test_a_step_too_narrow_to_be_resolved_is_told():
     for width in (1e-5, 1e-9):
         system = bend_less(lambda x, width=width: np.tanh(x / width))(lambda q, v, a: q[0] - 0.512)

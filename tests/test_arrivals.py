@@ -67,6 +67,7 @@ def test_a_motion_that_is_carried_on_is_the_same_as_at_once():
         last = T
 
 
+@pytest.mark.slow
 def test_a_motion_that_runs_into_a_singularity_is_known_until_then():
     falling = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 1 / q[0] ** 2, ["r"])
     problem = ao.Problem(falling, ao.Event(0.0, [1.0]), ao.Event(2.0, [1.0]))
@@ -122,6 +123,7 @@ def test_a_path_misses_nothing_at_a_surface_that_moves_where_its_time_is_free(k)
     assert np.abs(misses(problem, k, turned, unit)).max() > 0.1
 
 
+@pytest.mark.slow
 def test_a_motion_that_collides_takes_no_steps_from_the_others():
     kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
     problem = ao.Problem(kepler, ao.Event(0.0, [0.4, 0.0]), ao.Event(9.0, [0.0, 1.0]))

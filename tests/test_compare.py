@@ -389,6 +389,7 @@ def test_a_mass_that_jumps(c, spring):
     judge(system, exact, lambda t: exact(t, 1.001), 0.0, 1.0)
 
 
+@pytest.mark.slow
 def test_a_constraint_that_turns_faster_at_once():
     """A bead on a wire: the wire's angle has a kink, and so has the path."""
     c = 0.3

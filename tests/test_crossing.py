@@ -80,6 +80,7 @@ def test_a_path_may_go_round_what_the_straight_line_crosses():
     assert solution.status is ao.Status.SOLVED
 
 
+@pytest.mark.slow
 def test_snell_leg_by_leg():
     """What the verdict tells to do: an event on the surface where the momentum is continuous."""
     optics = [ao.System(lambda q, v, t, n=n: n * np.sqrt(1 + v[0] ** 2), ["y"]) for n in (1.0, 1.4)]

@@ -264,6 +264,7 @@ def test_a_jump_beside_a_switch_of_the_clock():
     assert solved(abs) is ao.Status.SOLVED
 
 
+@pytest.mark.slow
 def test_a_step_that_no_node_meets():
     """It is solved where it bends the path little, and else said to be too narrow."""
     low = across(free(lambda q: 5e-5 * np.tanh((q[0] - 0.0123) / 3e-5)), tol=1e-9)

@@ -53,8 +53,9 @@ def test_a_family_is_said_to_be_one(name, tol):
     assert solution.stats["condition"] > 1e8
 
 
-@pytest.mark.parametrize("tol", [1e-2, pytest.param(1e-6, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("tol", [1e-2, 1e-6])
+@pytest.mark.parametrize("seed", [3, 4])
 def test_a_family_is_one_in_every_direction(seed, tol):
     """Newton's method stops at another distance from singular matrices in each of them."""
     axis = np.random.default_rng(seed).normal(size=3)
@@ -101,6 +102,7 @@ def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):
     assert ao.solve(long, mesh=mesh, guess=coarse).success
 
 
+@pytest.mark.slow
 def test_a_family_shows_to_a_loose_tolerance():
     """Half way round a centre of force in nine dimensions, in any plane through the ends."""
     system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q + 0.1), list("abcdefghi"))

@@ -194,6 +194,7 @@ def test_atoms_and_planets_are_followed_equally_well(length, time, mass):
     assert deviation(path, exact) < ACCURATE
 
 
+@pytest.mark.slow
 def test_long_motion_is_measured_in_its_own_size():
     """From rest for a hundred periods, where a T^2 says nothing of the amplitude."""
     system = systems.oscillator()

@@ -74,6 +74,7 @@ def test_troesch():
     assert found == pytest.approx(turning.TROESCH[20], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_wide_kink_is_placed():
     """Round-off, amplified a million times, is near the tolerance: the verdict may say so."""
     question = kink.kink(0.1)

@@ -426,6 +426,7 @@ def test_index_at_a_loose_tolerance(seed):
 SPHERE = ao.System(lambda q, v, t: v @ v / 2, list("xyz"), constraint=lambda q, t: q @ q - 1)
 
 
+@pytest.mark.slow
 def test_a_family_of_paths_given_roughly():
     def arc(t):
         return np.stack([np.cos(np.pi * t), np.sin(np.pi * t), 0 * t])

@@ -266,6 +266,7 @@ def test_a_string_over_a_disc_and_on_to_a_line(end):
     assert np.hypot(*outside).min() >= 1 - 1e-9
 
 
+@pytest.mark.slow
 def test_two_discs_in_order():
     """The shorter of four ways is below one and above the other, or on one side of both."""
     discs = body(disc(-1.5, 0.3), disc(1.5, -0.2))
@@ -356,6 +357,7 @@ def test_a_ball_held_at_a_moving_inclined_ceiling():
     assert sol.contact_force(t)[0] == pytest.approx(force, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_links_above_a_floor():
     """A bob on a rod in Cartesian coordinates goes as the angle does."""
     common = {"obstacle": lambda q, t: q[1] + 0.5, "constraint": lambda q, t: (q @ q - 1) / 2}
@@ -493,6 +495,7 @@ def test_a_path_along_a_wall_that_does_not_press():
     assert sol.action == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 def test_round_a_small_peg():
     for R in (0.2, 0.03):
         A, B = np.array([-1.3, 0.4]) / R, np.array([1.6, -0.47]) / R

@@ -352,6 +352,7 @@ def test_nullity_of_a_closed_oscillation(T, nullity):
     assert ao.solve(problem, throw=False).inertia.nullity == nullity
 
 
+@pytest.mark.slow
 def test_where_nothing_holds_a_free_body_it_may_be_moved():
     body = systems.particle("x y")
     for start, end in ((None, Periodic(3.0)), (None, ao.Event(3.0, [None, None]))):

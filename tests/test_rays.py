@@ -53,6 +53,7 @@ def test_a_ball_bounces_twice_in_all_ways():
     assert all(abs(misses(s.start.v[0])) < 1e-8 for s in paths)
 
 
+@pytest.mark.slow
 def test_the_first_motions_nearly_arrive():
     """What is yielded first, obeys the law of reflection on its way, before Newton's method."""
     spring = ao.System(lambda q, v, t: v @ v / 2 - q @ q / 2, ["x", "y"])

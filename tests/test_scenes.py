@@ -698,6 +698,7 @@ def test_lengths_are_those_of_the_literature(name, changes, length):
         assert abs(found - np.sqrt(2 * 9.81 * 2.0) * scene.facts["fall_time"]) < 1e-11
 
 
+@pytest.mark.slow
 def test_the_exit_path_has_the_action_of_two_methods():
     scene = scenes.get("exit_path", duration=10.0)
     solution = solve(scene.problem, guess=scene.guess)

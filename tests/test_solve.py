@@ -562,6 +562,7 @@ def test_a_pendulum_of_many_links_has_a_least_path():
     assert found.morse_index == 0 and found.compare().agrees
 
 
+@pytest.mark.slow
 def test_a_family_of_many_coordinates_is_told():
     """Between opposite points of a Kepler motion in four dimensions any plane will do."""
     system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), list("xyzu"))

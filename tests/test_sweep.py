@@ -615,6 +615,7 @@ def test_answers_are_shown_and_pickled(serial):
 # -- sheets, datasets -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_change_of_index_is_a_branch_of_its_own():
     """An oscillator past half a period: the action is no longer least."""
     spring = systems.oscillator()

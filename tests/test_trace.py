@@ -36,6 +36,7 @@ def test_bratu_turns_the_corner():
     assert [s.morse_index for s in two] == [0, 1]
 
 
+@pytest.mark.slow
 def test_every_point_of_a_trace_is_a_path():
     found = trace(systems.bratu(), "lam", 4.0)
     for lam, path in zip(found.values, found.paths, strict=True):
@@ -356,6 +357,7 @@ def test_a_branch_ends_where_its_paths_come_to_cross_a_jump(step):
 FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
 
 
+@pytest.mark.slow
 def test_a_fold_of_two_legs_is_that_of_one():
     """Films between rings of radius 1: apart by 1.3254868 at most, where x tanh x = 1."""
     film = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["r"])

@@ -570,7 +570,7 @@ def test_what_a_signal_handler_raises_is_raised_again(capfd):
     tr, z = bound(ROD)
     z = z + 0.1 * point(tr)
     converged, random = find(tr, z, "least").z, np.random.default_rng(6)
-    for delay in random.uniform(1e-3, 2e-2, 60):
+    for delay in random.uniform(1e-3, 2e-2, 20):
         with pytest.raises(Late):
             signal.setitimer(signal.ITIMER_REAL, delay)
             for _ in range(1000):  # some seconds

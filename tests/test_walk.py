@@ -25,6 +25,7 @@ def one_by_one(count):
     return found
 
 
+@pytest.mark.slow
 def test_it_stays_with_its_kind_of_path():
     """Half a period further on, one step leads to another: a saddle."""
     first, far = ao.solve(with_values(PENDULUM, START)).path, one_by_one(60)
