@@ -160,7 +160,7 @@ def _first_jump(problem: Problem, path: Path, low: Array, high: Array) -> tuple[
 
 
 def _meet_nearby(problem: Problem, path: Path, low: Array, high: Array) -> Array:
-    """Return whether L meets in a kink near a place, continued from farther off on either side, (K,).
+    """Return (K,) whether L meets in a kink near a place, continued from farther on either side.
 
     Next to one that is written as arccos(cos(q)) it is known to half of the digits, and steps.
     """
