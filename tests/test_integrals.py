@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, fsolve
+from scipy.special import ellipe, ellipk, mathieu_a, mathieu_b
 
 import actionopt as ao
 
@@ -176,14 +177,14 @@ def test_what_does_not_fit_is_refused(system, more, message):
         ao.Problem(system, ao.Event(0, [0]), ao.Event(1, [1]), **more)
 
 
-def test_closed_paths_with_integrals_are_refused():
-    with pytest.raises(ValueError, match="Periodic"):
-        ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Periodic(1), integral=1)
-    with pytest.raises(ValueError, match="without non-conservative forces"):
+def test_what_integrals_do_not_go_with_is_refused():
+    with pytest.raises(ValueError, match="between finite events"):
+        ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Event(np.inf, [0]), integral=1)
+    with pytest.raises(ValueError, match="without an obstacle"):
         ao.System(
             lambda q, v, t: v @ v / 2,
             ["x"],
-            force=lambda q, v, t: -v,
+            obstacle=lambda q, t: q[0],
             integral=lambda q, v, t: q[0],
         )
     problem = ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Event(1, [1]), integral=1)
@@ -253,3 +254,158 @@ def test_conjugate_points_and_modes_of_a_state(k):
     others = np.array([j for j in range(1, 5) if j != k])  # the norm keeps it as it is
     modes = ao.second_variation(path, 3)
     assert modes.eigenvalues == pytest.approx(np.pi**2 * (others**2 - k**2), rel=1e-8)
+
+
+# -- closed paths, constraints, forces -------------------------------------------------------------
+
+
+def test_states_on_a_ring():
+    """Mathieu's equation y'' + (a - 2 q cos 2 x) y = 0, of period 2 pi: S = a / 2."""
+    ring = ao.System(
+        lambda y, v, x, *, q: v[0] ** 2 / 2 + q * np.cos(2 * x) * y[0] ** 2,
+        ["y"],
+        parameters={"q": 1.5},
+        integral=lambda y, v, x: y[0] ** 2,
+    )
+    problem = ao.Problem(ring, ao.Event(0, [None]), ao.Periodic(2 * np.pi), integral=1)
+    ground = ao.solve(problem, tol=1e-10)
+    assert ground.action == pytest.approx(mathieu_a(0, 1.5) / 2, rel=1e-12)
+    assert ground.integral_multipliers[0] == pytest.approx(-mathieu_a(0, 1.5) / 2, rel=1e-12)
+    assert ground.morse_index == 0
+    for k, known in enumerate((mathieu_b(1, 1.5), mathieu_a(1, 1.5)), 1):
+        wave = (np.sin, np.cos)[k - 1]
+        state = ao.solve(problem, guess=lambda x, wave=wave: [wave(x) / np.sqrt(np.pi)])
+        assert state.action == pytest.approx(known / 2, rel=1e-9) and state.morse_index == k
+
+
+def test_the_closed_curve_round_a_given_area():
+    """A circle, anywhere in the plane: int v^2 / 2 = 2 pi area in the time 1."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2,
+        ["x", "y"],
+        integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2,
+    )
+    problem = ao.Problem(system, ao.Event(0, [0.0, 0.0]), ao.Periodic(1.0), integral=1.5)
+    path = ao.solve(problem)
+    assert path.action == pytest.approx(3 * np.pi, rel=1e-12)
+    assert path.integral_multipliers == pytest.approx([-2 * np.pi])
+    assert path.start.q == pytest.approx([0, 0], abs=1e-12)
+    # It may be turned about its start; more may it be moved, where that is free.
+    assert (path.inertia.index, path.inertia.nullity, path.inertia.moves) == (0, 1, 1)
+    loose = ao.solve(problem.replace(start=ao.Event(0, [None, None])))
+    assert (loose.inertia.index, loose.inertia.nullity, loose.inertia.moves) == (0, 3, 3)
+    twice = lambda t: [np.cos(4 * np.pi * t) / 2, np.sin(4 * np.pi * t) / 2]  # noqa: E731
+    saddle = ao.solve(loose.problem, guess=twice)
+    assert saddle.action == pytest.approx(6 * np.pi) and saddle.morse_index == 2
+
+
+def test_a_closed_rod_is_a_circle_and_turns_freely():
+    rod = ao.System(
+        lambda q, v, s: v[0] ** 2 / 2,
+        ["angle"],
+        integral=lambda q, v, s: [np.cos(q[0]), np.sin(q[0])],
+    )
+    once = ao.Periodic(1.0, advance=[2 * np.pi])
+    path = ao.solve(ao.Problem(rod, ao.Event(0, [None]), once, integral=[0, 0]))
+    assert path.action == pytest.approx(2 * np.pi**2, rel=1e-12)
+    # A figure of eight, 2 asin(k sn 4 K s) with 2 E = K, may be turned: a family.
+    eight = ao.Problem(rod, ao.Event(0, [None]), ao.Periodic(1.0), integral=[0, 0])
+    found = ao.solve(eight, guess=lambda s: [2.2 * np.sin(2 * np.pi * s)], throw=False)
+    m = brentq(lambda m: 2 * ellipe(m) - ellipk(m), 0.5, 0.99)
+    assert found.status.name == "DEGENERATE"
+    assert found.action == pytest.approx(32 * ellipk(m) * (ellipe(m) - (1 - m) * ellipk(m)))
+
+
+def test_a_period_that_is_found_with_an_integral():
+    """x = A sin wt, with A^2 w^2 / 2 = E and int x^2 dt = pi A^2 / w: w^3 = 2 pi E / J."""
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"], integral=lambda q, v, t: q[0] ** 2
+    )
+    problem = ao.Problem(system, ao.Event(0, [0.0]), ao.Periodic(None), energy=0.8, integral=2.5)
+    turn = ao.Path.interpolate(lambda t: [np.sin(t)], ao.Mesh.uniform(0, 2 * np.pi, 4, 8))
+    path = ao.solve(problem, guess=turn)
+    assert path.duration == pytest.approx(2 * np.pi / np.cbrt(1.6 * np.pi / 2.5), rel=1e-10)
+
+
+@pytest.mark.parametrize("mean", [0.6, -0.3])
+def test_an_integral_on_a_circle_is_that_of_its_angle(mean):
+    angle = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - np.sin(q[0]), ["a"], integral=lambda q, v, t: np.cos(q[0])
+    )
+    plane = ao.System(
+        lambda q, v, t: v @ v / 2 - q[1],
+        ["x", "y"],
+        constraint=lambda q, t: (q @ q - 1) / 2,
+        integral=lambda q, v, t: q[0],
+    )
+    T, ends = 2.5, (-1.2, 0.4)
+    known = ao.solve(
+        ao.Problem(angle, *(ao.Event(t, [a]) for t, a in zip((0, T), ends, strict=True)),
+                   integral=mean * T), tol=1e-10)  # fmt: skip
+    asked = ao.Problem(
+        plane,
+        *(ao.Event(t, [np.cos(a), np.sin(a)]) for t, a in zip((0, T), ends, strict=True)),
+        integral=mean * T,
+    )
+    near = lambda t: np.array([1.1 * np.cos(known(t)[0]), np.sin(known(t)[0])])  # noqa: E731
+    path = ao.solve(asked, guess=near, tol=1e-10)
+    assert path.action == pytest.approx(known.action, rel=1e-10)
+    assert path.integral_multipliers == pytest.approx(known.integral_multipliers, rel=1e-9)
+    assert path.morse_index == known.morse_index and path.compare().agrees
+    assert path.sensitivity().integral == pytest.approx(-known.integral_multipliers, rel=1e-9)
+
+
+def test_an_integral_of_a_dragged_path():
+    """x'' + x' = kappa: x = kappa t + c (1 - exp -t)."""
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2,
+        ["x"],
+        force=lambda q, v, t: -v,
+        integral=lambda q, v, t: q[0],
+    )
+    path = ao.solve(
+        ao.Problem(system, ao.Event(0, [0.0]), ao.Event(2, [1.0]), integral=3.0), tol=1e-11
+    )
+    lag = 1 - np.exp(-2)
+    kappa, c = np.linalg.solve([[2, lag], [2, 2 - lag]], [1, 3])
+    t = np.linspace(0, 2, 9)
+    np.testing.assert_allclose(path(t)[0], kappa * t + c * (1 - np.exp(-t)), atol=1e-11)
+    assert path.integral_multipliers == pytest.approx([kappa], rel=1e-11)
+    assert path.compare().agrees
+    for ask in (path.sensitivity, lambda: path.morse_index):
+        with pytest.raises(ValueError, match="without non-conservative forces"):
+            ask()
+
+
+@pytest.mark.parametrize("k", [1, 2])
+def test_waves_on_a_closed_beam(k):
+    """Of int x^2 = 1 on a ring: k^4 / 2, above a constant and the lower waves."""
+    beam = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], integral=lambda q, v, t: q[0] ** 2)
+    problem = ao.Problem(beam, ao.Event(0, [0.0]), ao.Periodic(2 * np.pi), integral=1)
+    path = ao.solve(problem, guess=lambda t: [0.6 * np.sin(k * t)], tol=1e-10)
+    assert path.action == pytest.approx(k**4 / 2, rel=1e-12)
+    assert (path.inertia.index, path.inertia.nullity) == (2 * k - 1, 0)
+
+
+def test_an_integral_of_a_beam_on_a_circle():
+    angle = ao.System(
+        lambda q, v, a, t: (a[0] ** 2 + v[0] ** 4) / 2, ["a"], integral=lambda q, v, t: np.cos(q[0])
+    )
+    plane = ao.System(
+        lambda q, v, a, t: a @ a / 2,
+        ["x", "y"],
+        constraint=lambda q, t: (q @ q - 1) / 2,
+        integral=lambda q, v, t: q[0],
+    )
+
+    def on_ring(t, a, w):
+        return ao.Event(t, [np.cos(a), np.sin(a)], v=[-w * np.sin(a), w * np.cos(a)])
+
+    ends = ao.Event(0, [0.1], v=[0.0]), ao.Event(1, [1.0], v=[0.5])
+    known = ao.solve(ao.Problem(angle, *ends, integral=0.7), tol=1e-10)
+    turn = lambda t: np.array([np.cos(known(t)[0]), np.sin(known(t)[0])])  # noqa: E731
+    asked = ao.Problem(plane, on_ring(0, 0.1, 0.0), on_ring(1, 1.0, 0.5), integral=0.7)
+    path = ao.solve(asked, guess=turn)
+    assert path.action == pytest.approx(known.action, rel=1e-9)
+    assert path.integral_multipliers == pytest.approx(known.integral_multipliers, rel=1e-7)
+    assert path.morse_index == known.morse_index == 0

@@ -33,7 +33,7 @@ from actionopt.analysis.second_variation import (
 from actionopt.discrete.bordered import Bordered, equations_of, null_space
 from actionopt.discrete.borders import Rows, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import Factors, full
+from actionopt.discrete.factors import Factors, diagonal, full
 from actionopt.discrete.increments import Increments, is_stiff
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.blas import one_thread
@@ -170,11 +170,12 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     """
     asked, touches = at.problem.original, at.problem.touches
     moves = () if touches else moves_of(asked)
+    times = times_of(at.problem) if asked.is_joined else None
+    kappa = at.problem.kappa if asked.integral is not None else None
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)
-    times = times_of(at.problem) if asked.is_joined else None
-    bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves, times=times)
-    if touches:
+    bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves, times=times, kappa=kappa)
+    if touches or asked.integral is not None:
         found = _on_its_mesh(bordered.discrete(y), bordered, y, tolerance_of(error))
         shifts = bordered.phases - len(bordered.start_coordinates)
         return replace(found, nullity=found.nullity + shifts, moves=shifts)
@@ -245,6 +246,9 @@ def _on_its_mesh(
             "their round-off hides them, along a path that closes or has constraints; ask for less "
             "accuracy"
         )
+    pinned = max(len(event.pinned_places(tr.order)) for event in problem.joints)
+    if pinned < tr.layout.width and not stiff:
+        kinetic = kinetic + _at_rest(tr, mass, equations)  # a constant has no rates
     basis = null_space(equations, full(layout, matrix)) if layout.rows and tr.order > 1 else None
 
     def below(mu: float) -> int:
@@ -259,6 +263,26 @@ def _on_its_mesh(
 
     index = below(-tolerance)
     return Inertia(index, below(tolerance) - index, None, tolerance)
+
+
+def _at_rest(tr: Transcription, mass: Array, equations: Bordered | Transcription) -> Array:
+    """Return the nonzeros of int eta.L_vv eta dt / T^(2 order), over the unknowns that are q.
+
+    `mass` (evaluations, n, n) is L_vv, or that of the highest derivatives.
+    """
+    layout, n = tr.layout, tr.problem.system.n
+    node, place = np.divmod(layout.free, layout.width)
+    weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count)
+    whole = (place < n) & ((tr.order == 1) | np.isin(node, layout.offsets))
+    inertia = np.diagonal(mass, axis1=1, axis2=2).mean(axis=0)[place % n]
+    found = np.zeros(layout.size)
+    found[: layout.unknowns] = np.where(whole, weight[node] * inertia, 0.0) * tr.x_unit**2
+    nonzeros = diagonal(layout, found / (tr.action_unit * tr.mesh.duration ** (2 * tr.order)))
+    if not isinstance(equations, Bordered):
+        return nonzeros
+    b = equations.layout.border
+    edge = np.zeros((layout.size, b))
+    return equations.layout.join(nonzeros, edge, edge.T, np.zeros((b, b)))
 
 
 def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:

@@ -147,16 +147,16 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     """
     tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
     system = problem.system
+    if system.structure.forced:
+        raise ValueError(
+            "expected a system without non-conservative forces, found one with: its paths are not "
+            "stationary points of an action, so that they have no second variation or index"
+        )
     check_whole(problem, "the second variation")
     if problem.touches:
         raise ValueError(
             "expected a path that touches no obstacle, found one that does: its second variation "
             "is that of the free part, of which only the index is counted (morse_index)"
-        )
-    if system.structure.forced:
-        raise ValueError(
-            "expected a system without non-conservative forces, found one with: its paths are not "
-            "stationary points of an action, so that they have no second variation or index"
         )
     given = units
     units = tr.lengths if units is None else np.asarray(units, dtype=float)

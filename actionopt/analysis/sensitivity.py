@@ -17,7 +17,7 @@ import numpy as np
 
 from actionopt.analysis.assembled import AssembledForm, assemble
 from actionopt.analysis.jacobi import resolve
-from actionopt.analysis.second_variation import Form, condense, curvature, tangent
+from actionopt.analysis.second_variation import Form, condense, curvature, form, tangent
 from actionopt.discrete.bordered import equations_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import jumps_of
@@ -113,6 +113,8 @@ def sensitivity(
             "and take differences, or see `momenta` for dS by the coordinates there"
         )
     problem = at.problem
+    if problem.system.structure.forced:
+        form(at)  # raises
     second = second_through(at) if problem.is_course else _second_alone(at, error)
     found = slopes(at, momenta, impulses, times)
     for row, k in ((found["q0"], 0), (found["q1"], -1)):

@@ -437,13 +437,34 @@ def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:
     at = DiscretePath(tr, tr.pack(path.values.T))
     slopes, force = integrals(at)[1], tr.gradient(at.x) * tr.action_unit
     # What pushes at an event is no force that a multiplier has to balance.
-    at_events = np.isin(tr.layout.free // problem.system.n, tr.joints)
+    at_events = np.isin(tr.layout.free // tr.layout.width, tr.joints)
     slopes, force = np.where(at_events, 0.0, slopes), np.where(at_events, 0.0, force)
     if not (np.isfinite(slopes).all() and np.isfinite(force).all()):
         return np.zeros(len(slopes))
-    if problem.system.order > 1:  # rough parts count for less, as they do in motion
+    if tr.layout.rows:  # what constraints bear is none of it
+        *slopes, force = (_off_normals(tr, at, x) for x in (*slopes, force))
+        slopes = np.array(slopes)
+    if tr.order > 1 and not tr.layout.rows:  # rough parts count for less, as they do in motion
         inertia = Factors(tr.layout, tr.kinetic(at.x))
         with suppress(np.linalg.LinAlgError):
             carried = np.array([inertia.solve(slope) for slope in slopes])
             return -np.linalg.solve(carried @ slopes.T, carried @ force)
     return -np.linalg.lstsq(slopes.T, force, rcond=None)[0]
+
+
+def _off_normals(tr: Transcription, at: DiscretePath, x: Array) -> Array:
+    """Return the part along the constraints of derivatives by the unknowns, (unknowns,)."""
+    layout = tr.layout
+    if tr.order > 1:
+        J = np.zeros((layout.rows, layout.unknowns))
+        J[layout.jacobian.row, layout.jacobian.col] = tr.jacobian(at.x)
+        basis = np.linalg.qr(J.T)[0]
+        return x - basis @ (basis.T @ x)
+    whole = np.zeros(layout.node_count * layout.width)
+    whole[layout.free] = x
+    table = whole.reshape(layout.node_count, -1)
+    G = tr.problem.system.pointwise("constraint_jacobian").full(0, tr.normals(at.x))
+    G = G * tr.lengths * (layout.number[layout.row_nodes] >= 0)[:, None, :]
+    rows = table[layout.row_nodes][:, :, None]
+    table[layout.row_nodes] -= (np.linalg.pinv(G) @ (G @ rows))[:, :, 0]
+    return whole[layout.free]

@@ -20,8 +20,10 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.integrals import integrals, integrals_by_times
 from actionopt.discrete.surfaces import event_at, reactions, surface_at
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.symmetry import find_symmetries
+from actionopt.mechanics.system import MULTIPLIERS
 from actionopt.tools.types import Array, NDInt
 
 OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
@@ -478,7 +480,10 @@ def moves_of(problem: Problem) -> tuple[Move, ...]:
     known = system.memoize("moves", dict)
     key = problem.packed.tobytes()
     if key not in known:
-        found = find_symmetries(system, parameters=problem.parameters)
+        values = problem.parameters
+        if problem.integral is not None:  # the multipliers are to be found: in general position
+            values = {**values, MULTIPLIERS: general_points(problem.kappa.size)[0]}
+        found = find_symmetries(system, parameters=values)
         known[key] = [Move(s.A, s.b) for s in found if not (s.time or s.rate or s.c.any())]
     # What is moved closes as well: xi(P q + a) = P xi(q).
     P = np.eye(system.n)[list(problem.order)]

@@ -82,7 +82,7 @@ class Problem:
         system. If events between the ends give nothing, are not as many as the laws of legs less
         one, or go with what is not known of them: an infinite time, an obstacle; a constraint or a
         force where times or places are to be found. If the values of integrals are not as many as
-        the system has, or go with several laws, a constraint, a Periodic end or an infinite time.
+        the system has, or go with several laws or an infinite time.
     """
 
     system: System
@@ -221,11 +221,10 @@ class Problem:
                 f"expected {system.g.numel()} finite values of integrals, one for each expression "
                 f"of the system's, found {self.integral!r}"
             )
-        if system.m or isinstance(self.end, Periodic) or self.is_infinite:
-            kind = "a constraint" if system.m else "a Periodic end or an infinite time"
+        if self.is_infinite:
             raise ValueError(
-                f"expected an unconstrained path between finite events where integrals are given, "
-                f"found {kind}: both together are not known; leave one out"
+                "expected a path between finite events where integrals are given, found an "
+                "infinite time: both together are not known; leave one out"
             )
         object.__setattr__(self, "integral", tuple(values.tolist()))
         object.__setattr__(self, "plain", system)
@@ -428,8 +427,9 @@ class Problem:
         if not self.phase_coordinates:
             return self
         start = Event(self.start.t, [None] * self.system.n)
-        end, values = self.end.at(self.end.t), self.parameters
-        return Problem(self.system, start, end, parameters=values, energy=self.energy)
+        known = {"parameters": self._given_parameters, "energy": self.energy}
+        end, integral = self.end.at(self.end.t), self.integral
+        return Problem(self.question, start, end, integral=integral, **known)  # type: ignore[arg-type]
 
     @cached_property
     def advance(self) -> Array | None:

@@ -68,7 +68,8 @@ class System(NumericLaws):
         the path, whose action is least among those that satisfy it. Not with `force`.
     integral : callable, optional
         `integral(q, v, t, *, ...)`: one expression g or a sequence of c of them, whose integrals
-        along the path a `Problem` may give. Not with `force` or `obstacle`.
+        along the path a `Problem` may give. Not with `obstacle`. With `force` L + kappa.g takes
+        the place of L in the Lagrange-d'Alembert principle.
     name : str, optional
         Shown in messages and files.
 
@@ -315,12 +316,10 @@ class System(NumericLaws):
             outside, used = surface(given, "obstacle"), used | names
         integrands = ca.SX(0, 1)
         if integral is not None:
-            if force is not None or obstacle is not None:
+            if obstacle is not None:
                 raise ValueError(
-                    "expected an integral without non-conservative forces and obstacles, found "
-                    f"{'forces' if force is not None else 'an obstacle'} beside it: "
-                    "with forces no functional is stationary, and what contact does to given "
-                    "integrals is not known; leave one of both out"
+                    "expected an integral without an obstacle, found one beside it: what contact "
+                    "does to given integrals is not known; leave one of both out"
                 )
             taken = {"q": Q, "v": V, "t": T} if order_of(integral) < order else state
             given, names = call(integral, "integral", taken, named)

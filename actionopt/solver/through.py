@@ -58,6 +58,7 @@ GUESS_ELEMENTS = 16  # where integrals are given: on half of them a rod that win
 CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
 NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
 CLOSED_MOMENTUM = 1e-4  # of the momenta: a larger change where a path closes is a kink
+RESTING_MOMENTUM = 1e-9  # of that with which the coordinates' size is crossed in the duration
 GRAZING_SPEED = 1e-6  # of the speed, that across a surface which is touched only
 FAMILY_TRIES = 12  # first paths from which a family is sought, if nothing else was found
 SEVERAL = 8  # paths with given integrals of which the least is taken, if none is a minimum
@@ -200,8 +201,10 @@ def objection(solution: Solution) -> str:
     problem, legs = solution.problem, solution.legs
     joints, packed = problem.joints, problem.packed
     if problem.advance is not None and not problem.system.structure.depends_on_time:
-        p0, p1 = solution.momenta
-        if np.abs(p1 - p0[list(problem.closed_places)]).max() > CLOSED_MOMENTUM * np.abs(p0).max():
+        (p0, p1), tr = solution.momenta, solution.discrete.tr
+        rest = RESTING_MOMENTUM * tr.action_unit / tr.place_units  # where nothing moves
+        apart = np.abs(p1 - p0[list(problem.closed_places)])
+        if (apart > np.maximum(CLOSED_MOMENTUM * np.abs(p0).max(), rest)).any():
             return "the path found returns with another momentum, in a kink"
     for k, event in enumerate(joints):
         if not isinstance(event, Bounce):

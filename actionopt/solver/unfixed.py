@@ -209,7 +209,9 @@ class Unfixed(Workspace[UnfixedPath]):
             problem = self.problem.found_at(times_of(here.problem), Q, self._kappa)
             if here.tr.order > 1:  # derivatives are not read from values
                 tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
-                return problem, DiscretePath(tr, tr.pack_places(here.tr.place(here.x).places))
+                z = tr.pack(here.Q, here.rows if tr.layout.rows else None)
+                z[: tr.layout.unknowns] = tr.pack_places(here.tr.place(here.x).places)
+                return problem, DiscretePath(tr, z)
             return problem, DiscretePath.of(problem, here.path, here.rows)
         problem = over(self.problem, here.mesh.duration)
         if not self.problem.on_surface:
@@ -241,7 +243,8 @@ class Unfixed(Workspace[UnfixedPath]):
         if passed and not self._followed_again(here.path, here.rows):
             return False
         moved = np.ptp(self.here.Q, axis=0).max()
-        if closes and moved < AT_REST * np.ptp(path.values, axis=1).max():
+        rests = self.problem.integral is None  # else it may be an answer
+        if closes and rests and moved < AT_REST * np.ptp(path.values, axis=1).max():
             return False
         return problem is self.problem or self._begin(ROUGH)
 

@@ -19,6 +19,7 @@ from actionopt.discrete.integrals import integrals
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
+from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
@@ -51,12 +52,18 @@ def first_waves(
     """
     mesh, legs = wave_mesh(times, problem.system.order), np.diff(times)
     values, n = straight(mesh.nodes), problem.system.n
-    at = problem.found_at(times)
+    at = problem.loose.found_at(times)
     s = (mesh.nodes - times[0]) / (times[-1] - times[0])
-    waves = np.sin(np.pi * np.arange(1, WAVES + 1)[:, None] * s)
+    if problem.advance is None:
+        waves = np.sin(np.pi * np.arange(1, WAVES + 1)[:, None] * s)
+        narrow = waves * np.sin(np.pi * s) ** NARROW
+        waves = np.concatenate([waves[:1], narrow, waves[1:]])
+    else:  # constants, and whole waves
+        turns = 2 * np.pi * np.arange(WAVES // 2 + 1)[:, None] * s
+        waves = np.stack([np.cos(turns), np.sin(turns)], axis=1).reshape(-1, s.size)
+        waves = np.delete(waves, 1, axis=0)
     for joint in times[1:-1]:  # places that are given stay
         waves = waves * np.tanh(WAVES * np.abs(mesh.nodes - joint) / legs.min())
-    waves = np.concatenate([waves[:1], waves * np.sin(np.pi * s) ** NARROW, waves[1:]])
     asked = np.array(problem.integral)
     for unit in (size, np.ones(n)):
         tr = Transcription(at, mesh, unit)
@@ -79,7 +86,8 @@ def first_waves(
             amplitudes = random.standard_normal(len(shapes)) * decay * np.exp(random.normal())
         found = _project(tr, origin, variations, amplitudes, asked)
         if found is not None:
-            yield DiscretePath(tr, found).path, times
+            path = DiscretePath(tr, found).path
+            yield Path(mesh, project(tr, path.values.T).T) if tr.layout.rows else path, times
 
 
 def wave_mesh(times: Array, order: int = 1, elements: int = COARSE_ELEMENTS) -> Mesh:
@@ -115,6 +123,9 @@ def _continue(
 
 def first_guessed(problem: Problem, path: Path, times: Array) -> Iterator[tuple[Path, Array]]:
     """Yield a guess, and where a continuation leads from the path near it without integrals."""
+    if problem.system.m:
+        at = Transcription(problem.loose.found_at(times), path.mesh, np.ones(problem.system.n))
+        path = Path(path.mesh, project(at, path.values.T).T)
     yield path, times
     lengths, none = problem.found_at(times).lengths, np.zeros(np.size(problem.integral or ()))
     path = path.on(with_degrees(path.mesh, problem.system.order))
