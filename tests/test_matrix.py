@@ -25,6 +25,8 @@ FEATURES = (
     "ipopt",
     "trace",
     "sweep",
+    "integral",
+    "accelerations",
 )
 SOLVED, REFUSED = {}, {}
 MESH = ao.Mesh.uniform(0, 1, 4, 8)
@@ -863,6 +865,252 @@ def _():
 def _():
     found = ao.sweep(ask(dragged(), [0], [1]), {"t1": [1.0, 2.0]}).solution(1)
     assert found(1.0) == pytest.approx([(1 - np.exp(-1)) / (1 - np.exp(-2))], rel=KNOWN)
+
+
+# -- integrals that are given ----------------------------------------------------------------------
+
+
+def mean(names="x", **more):
+    """L = v^2 / 2, with int x dt given: x'' = kappa."""
+    return systems.particle(names, integral=lambda q, v, t: q[0], **more)
+
+
+def arched(J=0.5, **more):
+    """From 0 to 0 in the time 1: x = 6 J t (1 - t), S = 6 J^2."""
+    return ask(mean(**more), [0], [0], integral=J)
+
+
+def arch(t, J=0.5):
+    return 6 * J * t * (1 - t)
+
+
+@solves("given times", "integral")
+def _():
+    assert check(arched(), arch, action=1.5).integral_multipliers == pytest.approx([-6])
+
+
+@solves("free time", "integral")
+def _():
+    """x = (t + t^2) / 2 at the time 1: kappa = 1, and H = (3/2)^2 / 2 - 1."""
+    problem = ask(mean(), [0], [1], None, energy=1 / 8, integral=5 / 12)
+    check(problem, lambda t: (t + t**2) / 2, guess=ao.solve(ask(mean(), [0], [1], 1.1)))
+
+
+@refuses(
+    "infinite time",
+    "integral",
+    says="between finite events",
+    because="where a path rests, and at what rates it comes there, changes with the multiplier",
+)
+def _():
+    ask(mean(), [1], [0], INF, integral=1.0)
+
+
+@solves("closed", "integral")
+def _():
+    """A circle round the area pi, run through in the time 1: kappa = - 2 pi."""
+    system = systems.particle("x y", integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2)
+    problem = ao.Problem(system, ao.Event(0, [None, None]), ao.Periodic(1.0), integral=np.pi)
+    sol = ao.solve(problem)
+    assert sol.action == pytest.approx(2 * np.pi**2, rel=KNOWN) and sol.morse_index == 0
+    assert sol.integral_multipliers == pytest.approx([-2 * np.pi], rel=KNOWN)
+
+
+@solves("surface", "integral")
+def _():
+    """At right angles on x + y = 1, with kappa = 1."""
+    problem = onto(mean("x y"), line(), integral=1 / 24)
+    check(problem, lambda t: t**2 / 2 - t / 4, lambda t: 0.75 * t)
+
+
+@refuses(
+    "obstacle",
+    "integral",
+    says="without an obstacle",
+    because="a path that is least with its integral given need not be least at its multiplier",
+)
+def _():
+    mean(obstacle=lambda q, t: q[0])
+
+
+@solves("constraint", "integral")
+def _():
+    """Along x = y all weighs twice."""
+    system = mean("x y", constraint=lambda q, t: q[1] - q[0])
+    check(ask(system, [0, 0], [0, 0], integral=0.5), arch, arch, action=3.0)
+
+
+@solves("clock", "integral")
+def _():
+    """x'' = t + kappa: x = c t + kappa t^2 / 2 + t^3 / 6, of kappa = 1 and c = -2/3."""
+    system = ao.System(lambda q, v, t: v @ v / 2 + q[0] * t, ["x"], integral=lambda q, v, t: q[0])
+    known = lambda t: -2 / 3 * t + t**2 / 2 + t**3 / 6  # noqa: E731
+    check(ask(system, [0], [0], integral=-1 / 3 + 1 / 6 + 1 / 24), known)
+
+
+@solves("force", "integral")
+def _():
+    """x'' + x' = kappa = 1: x = t - 2 (1 - exp -t)."""
+    known = lambda t: t - 2 * (1 - np.exp(-t))  # noqa: E731
+    problem = ask(mean(force=lambda q, v, t: -v), [0], [known(1)], integral=0.5 - 2 * np.exp(-1))
+    check(problem, known)
+
+
+@refuses(
+    "mesh",
+    "integral",
+    says="expected neither a mesh",
+    because="none: a multiplier is found with the path, from mesh to mesh",
+)
+def _():
+    ao.solve(arched(), mesh=MESH)
+
+
+@refuses(
+    "ipopt",
+    "integral",
+    says="expected neither a mesh",
+    because="none: what Ipopt is told has no row through the whole path",
+)
+def _():
+    ao.solve(arched(), method="ipopt")
+
+
+@solves("trace", "integral")
+def _():
+    found = ao.trace(arched(), ("integral", 0), 1.0)
+    assert found.actions[-1] == pytest.approx(6.0, rel=KNOWN)
+
+
+@solves("sweep", "integral")
+def _():
+    found = ao.sweep(arched(), {("integral", 0): [0.5, 1.0]})
+    assert found.action == pytest.approx([1.5, 6.0], rel=KNOWN)
+
+
+# -- accelerations ---------------------------------------------------------------------------------
+
+
+def beam(names="x", more=None, **laws):
+    """L = a^2 / 2 + more(q, t)."""
+    return ao.System(
+        lambda q, v, a, t: a @ a / 2 + (0 if more is None else more(q, t)), names.split(), **laws
+    )
+
+
+def clamped(system, start, end, T=1.0, **more):
+    """From rest to rest."""
+    still = [0.0] * len(start)
+    return ao.Problem(system, ao.Event(0, start, v=still), ao.Event(T, end, v=still), **more)
+
+
+def cubic(t):
+    """S = 6 from 0 to 1 in the time 1."""
+    return 3 * t**2 - 2 * t**3
+
+
+@solves("given times", "accelerations")
+def _():
+    check(clamped(beam(), [0], [1]), cubic, action=6.0)
+
+
+@solves("free time", "accelerations")
+def _():
+    """S = 6 / T^3: E = 18 / T^4."""
+    check(clamped(beam(), [0], [1], None, energy=18.0), cubic, action=6.0)
+
+
+@refuses(
+    "infinite time",
+    "accelerations",
+    says="rests at infinity are not known",
+    because="none: a rest has two rates for each coordinate there",
+)
+def _():
+    clamped(beam(), [0], [1], INF)
+
+
+@solves("closed", "accelerations")
+def _():
+    """The fourth derivative of x, and x, are together cos t."""
+    driven = beam(more=lambda q, t: q[0] ** 2 / 2 - q[0] * np.cos(t))
+    problem = ao.Problem(driven, ao.Event(0, [None]), ao.Periodic(2 * np.pi))
+    check(problem, lambda t: np.cos(t) / 2, T=2 * np.pi)
+
+
+@solves("surface", "accelerations")
+def _():
+    """From rest to rest, half way along both axes."""
+    start = ao.Event(0, [0.0, 0.0], v=[0.0, 0.0])
+    end = ao.Event(1, [None, None], v=[0.0, 0.0], on=line())
+    half_way = [lambda t: cubic(t) / 2] * 2
+    check(ao.Problem(beam("x y"), start, end), *half_way, action=3.0)
+
+
+@refuses(
+    "obstacle",
+    "accelerations",
+    says="a momentum jumps, and where is not sought",
+    because="contact ends with a jump of the shear force, and may be in a point alone",
+)
+def _():
+    beam(obstacle=lambda q, t: q[0])
+
+
+@solves("constraint", "accelerations")
+def _():
+    system = beam("x y", constraint=lambda q, t: q[1] - q[0])
+    check(clamped(system, [0, 0], [1, 1]), cubic, cubic, action=12.0)
+
+
+@solves("clock", "accelerations")
+def _():
+    """The fourth derivative is t."""
+    known = lambda t: cubic(t) + (t**5 - 3 * t**3 + 2 * t**2) / 120  # noqa: E731
+    check(clamped(beam(more=lambda q, t: -q[0] * t), [0], [1]), known)
+
+
+@solves("force", "accelerations")
+def _():
+    """The fourth derivative is v: exp t is one of the motions."""
+    ends = ao.Event(0, [1.0], v=[1.0]), ao.Event(1, [np.e], v=[np.e])
+    check(ao.Problem(beam(force=lambda q, v, t: -v), *ends), np.exp)
+
+
+@solves("mesh", "accelerations")
+def _():
+    sol = check(clamped(beam(), [0], [1]), cubic, mesh=MESH)
+    assert sol.mesh.elements == MESH.elements
+
+
+@refuses(
+    "ipopt",
+    "accelerations",
+    says="method 'ipopt' is not known of it",
+    because="none: what Ipopt is told has values at nodes alone",
+)
+def _():
+    ao.solve(clamped(beam(), [0], [1]), method="ipopt")
+
+
+@solves("trace", "accelerations")
+def _():
+    found = ao.trace(clamped(beam(), [0], [1]), "t1", 2.0)
+    assert found.actions[-1] == pytest.approx(0.75, rel=KNOWN)
+
+
+@solves("sweep", "accelerations")
+def _():
+    found = ao.sweep(clamped(beam(), [0], [1]), {"t1": [1.0, 2.0]})
+    assert found.action == pytest.approx([6.0, 0.75], rel=KNOWN)
+
+
+@solves("integral", "accelerations")
+def _():
+    """The fourth derivative is minus the multiplier: S = 360 J^2."""
+    system = beam(integral=lambda q, v, t: q[0])
+    known = lambda t: 15 * t**2 * (1 - t) ** 2  # noqa: E731
+    check(clamped(system, [0], [0], integral=0.5), known, action=90.0)
 
 
 # -- ways to solve ---------------------------------------------------------------------------------

@@ -248,7 +248,7 @@ def _on_its_mesh(
         )
     pinned = max(len(event.pinned_places(tr.order)) for event in problem.joints)
     if pinned < tr.layout.width and not stiff:
-        kinetic = kinetic + _at_rest(tr, mass, equations)  # a constant has no rates
+        kinetic = kinetic + _at_rest(equations, z, mass)  # a constant has no rates
     basis = null_space(equations, full(layout, matrix)) if layout.rows and tr.order > 1 else None
 
     def below(mu: float) -> int:
@@ -265,11 +265,12 @@ def _on_its_mesh(
     return Inertia(index, below(tolerance) - index, None, tolerance)
 
 
-def _at_rest(tr: Transcription, mass: Array, equations: Bordered | Transcription) -> Array:
+def _at_rest(equations: Bordered | Transcription, z: Array, mass: Array) -> Array:
     """Return the nonzeros of int eta.L_vv eta dt / T^(2 order), over the unknowns that are q.
 
     `mass` (evaluations, n, n) is L_vv, or that of the highest derivatives.
     """
+    tr = equations.at(z)
     layout, n = tr.layout, tr.problem.system.n
     node, place = np.divmod(layout.free, layout.width)
     weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count)
