@@ -173,7 +173,8 @@ def calls(folder):
 EVENT_PARTS = ("of_places", "places", "pinned_places")
 # Methods that the rooms call on each other's objects, and users do not.
 INTERNAL = {
-    *("Problem.found_at", "System.assemble", "System.lagrangian_of"),
+    *("Problem.active", "Problem.found_at", "Problem.in_force"),
+    *("System.assemble", "System.lagrangian_of"),
     *(f"{kind}.{name}" for kind in ("Event", "Periodic") for name in EVENT_PARTS),
     *("Mesh.cut", "Mesh.over", "Path.carried_on", "Periodic.after", "Problem.closed_from"),
     *("Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
@@ -480,6 +481,40 @@ def test_callables_take_questions_of_all_kinds_or_say_why_not(fitting, tmp_path,
             name = f"{type(own).__name__}.{method}"
             found[name] = finding(getattr(own, method), fit[name][0], {})
     assert not {name: wrong for name, wrong in found.items() if wrong}
+
+
+class Three:
+    """A whole number of another library."""
+
+    def __index__(self):
+        return 3
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: plot.fan_data(solution, Three(), 0.1), None),
+        (lambda: plot.landscapes(iter([solution])), None),
+        (
+            lambda: plot.phasors(solution, 0.1, coordinate=Three()),
+            "coordinate from 0 to 0, found 3",
+        ),
+        (lambda: plot.slices(solution, etas=np.inf), "several variations"),
+        (lambda: plot.fan(solution, np.array(0.5)), "axes of Matplotlib"),
+        (lambda: plot.save(solution, "a.png", compare=np.zeros(0)), "compare=True or"),
+        (lambda: ao.sweep(problem, {"t1": [1.0]}, keep_paths=np.zeros(0)), "keep_paths=True or"),
+        (lambda: ao.trace(problem, "t1", 1.2, count=np.zeros(2)), "count=True or"),
+        (lambda: ao.trace(problem, np.zeros(0), 1.2), "expected a name, or a tuple"),
+        (lambda: ao.Problem(free, problem.start, 1.0, integral=1.0), r"Event\(t, q\) as the end"),
+    ],
+)
+def test_what_only_looks_like_an_argument_is_taken_or_refused(call, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    if said is None:
+        call()
+    else:
+        with pytest.raises(ValueError, match=said):
+            call()
 
 
 def test_derivatives_are_known_where_only_one_leg_is_asked():

@@ -31,7 +31,7 @@ from actionopt.families.walk import WALK_STEPS, walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import refuse_rest, solve
-from actionopt.tools.checks import tolerance
+from actionopt.tools.checks import flag, tolerance
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import NDInt
 from actionopt.tools.watch import Progress, check_progress, time_limit
@@ -120,8 +120,8 @@ def sweep(
             "expected events, or a period that is given, to sweep over, found closed paths of a "
             "given energy, which need a guess; follow one by `trace`"
         )
-    keep_paths = keep_paths or has_more_than_path(problem)
-    grid = Grid.of(problem, over, zip)
+    keep_paths = flag(keep_paths, "keep_paths") or has_more_than_path(problem)
+    grid = Grid.of(problem, over, flag(zip, "zip"))
     index = "index" in _names_to_record(record)
     check_executor(executor)
     check_progress(progress)

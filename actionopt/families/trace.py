@@ -41,7 +41,7 @@ from actionopt.solver.solve import Guess, solve
 from actionopt.solver.through import objection
 from actionopt.solver.window import with_window_of
 from actionopt.tools.blas import one_thread
-from actionopt.tools.checks import number, whole
+from actionopt.tools.checks import flag, number, whole
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import Progress, TimeUp, check_progress, check_time, time_limit
 
@@ -131,7 +131,7 @@ def trace(
     left = None if seconds is None else max(started + seconds - perf_counter(), EPS)
     if first.problem.has_tails:
         family = partial(_within, family, first.problem)
-    counting = count and not problem.system.structure.forced
+    counting = flag(count, "count") and not problem.system.structure.forced
     run = _TraceRun(family, value, to, tol, counting)
     try:
         with time_limit(left):

@@ -32,6 +32,8 @@ def present(problem: Problem, name: Name) -> float:
     ValueError
         If there is no such quantity, or the events leave it open.
     """
+    if not isinstance(name, (str, tuple)):
+        raise ValueError(f'expected a name, or a tuple such as ("end", coordinate), found {name!r}')
     problem = problem.original
     if name == "energy" and name not in problem.parameters:
         if problem.energy is None:

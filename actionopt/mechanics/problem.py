@@ -120,6 +120,9 @@ class Problem:
         object.__setattr__(self, "through", tuple(self.through))
         if isinstance(self.system, Sequence):
             self._set_laws(self.system)
+        for role, event in (("start", self.start), ("end", self.end)):
+            if not isinstance(event, Event):
+                raise ValueError(f"expected an Event(t, q) as the {role}, found {event!r}")
         if self.integral is not None:
             self._set_integral()
         if not isinstance(self.system, System):
@@ -127,7 +130,7 @@ class Problem:
                 f"expected a System(lagrangian, coordinates), found {self.system!r}; a Lagrangian "
                 "is made one by System"
             )
-        surfaces = getattr(self.start, "on", None), getattr(self.end, "on", None)
+        surfaces = self.start.on, self.end.on
         on_surface = surfaces != (None, None)
         if on_surface or self.through or self.asked is not None:
             source = self.asked or self  # what was found lies on the surfaces that were asked for
@@ -141,13 +144,11 @@ class Problem:
         object.__setattr__(self, "packed", self.system.table.pack(values))
         names = self.system.coordinates
         for role, event in (("start", self.start), ("end", self.end)):
-            if isinstance(event, Event) and event.q is None:
+            if event.q is None:
                 object.__setattr__(self, role, event._replace(q=[None] * len(names)))
-        if isinstance(self.end, Periodic) and isinstance(self.start, Event):
+        if isinstance(self.end, Periodic):
             object.__setattr__(self, "end", self.end.after(self.start, names))
         for role, event in (("start", self.start), ("end", self.end)):
-            if not isinstance(event, Event):
-                raise ValueError(f"expected an Event(t, q) as the {role}, found {event!r}")
             if len(event.q) != len(names):
                 raise ValueError(
                     f"expected {len(names)} coordinates ({', '.join(names)}) at the {role} "

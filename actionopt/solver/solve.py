@@ -17,7 +17,7 @@ from actionopt.solver.ipopt import ABSENT, is_there
 from actionopt.solver.pursue import first_acceptable, is_moving
 from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT, STRATEGIES
 from actionopt.tools.blas import one_thread
-from actionopt.tools.checks import among
+from actionopt.tools.checks import among, flag
 from actionopt.tools.watch import Progress, Watch
 
 BY_METHOD = {"auto": STRATEGIES, "ipopt": IPOPT}  # by method
@@ -97,8 +97,7 @@ def solve(
         problem.system.check_order("method 'ipopt'")
         if not is_there():
             raise ValueError(f"expected another method than 'ipopt': {ABSENT}")
-    if not isinstance(throw, (bool, np.bool_)):
-        raise ValueError(f"expected throw=True or throw=False, found {throw!r}")
+    flag(throw, "throw")
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, BY_METHOD[method], mesh, watch)
     solution, message = first_acceptable(problem, guess, choices)

@@ -44,13 +44,20 @@ def whole(value: Any, what: str, least: int) -> int:
     """Return a whole number from the least to `LARGEST_COUNT`; raise ValueError for others."""
     try:
         found = operator.index(value)
-    except TypeError:
+    except Exception:  # a TypeError, as a rule; some libraries raise what they like
         found = least - 1
     if not least <= found <= LARGEST_COUNT or isinstance(value, bool):
         raise ValueError(
             f"expected a whole number from {least} to {LARGEST_COUNT:,} for {what}, found {value!r}"
         )
     return found
+
+
+def flag(value: object, name: str) -> bool:
+    """Return True or False; raise ValueError for anything else that `name` is given."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"expected {name}=True or {name}=False, found {value!r}")
+    return bool(value)
 
 
 def among(value: object, names: Iterable[str]) -> bool:

@@ -15,7 +15,7 @@ from actionopt.families.runs import Runs
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import UnitNames
 from actionopt.scenes import Scene
-from actionopt.tools.checks import number, whole
+from actionopt.tools.checks import flag, number, whole
 
 Figure = TypeVar("Figure", bound=Callable[..., Any])
 
@@ -23,20 +23,23 @@ Figure = TypeVar("Figure", bound=Callable[..., Any])
 def check_arguments(figure: Figure) -> Figure:
     """Let a function raise ValueError for arguments of the names below that are not what they say.
 
-    What is optional may be None. Its docstring says so.
+    What is optional may be None. It is given what the checks return, if they return something. Its
+    docstring says so.
     """
     taken = inspect.signature(figure)
 
     @wraps(figure)
     def call(*given: Any, **named: Any) -> Any:
         try:
-            arguments = taken.bind(*given, **named).arguments
+            bound = taken.bind(*given, **named)
         except TypeError:  # too many or too few: it says so itself
-            arguments = {}
-        for name, value in arguments.items():
+            return figure(*given, **named)
+        for name, value in list(bound.arguments.items()):
             if name in CHECKS and (value is not None or taken.parameters[name].default is not None):
-                CHECKS[name](value)
-        return figure(*given, **named)
+                kept = CHECKS[name](value)
+                if kept is not None:
+                    bound.arguments[name] = kept
+        return figure(*bound.args, **bound.kwargs)
 
     names = ", ".join(f"`{name}`" for name in taken.parameters if name in CHECKS)
     if names and "Raises\n" not in (figure.__doc__ or ""):
@@ -46,8 +49,8 @@ def check_arguments(figure: Figure) -> Figure:
     return call  # type: ignore[return-value]
 
 
-def _count(value: object) -> None:
-    whole(value, "how many there are to be", 1)
+def _count(value: object) -> int:
+    return whole(value, "how many there are to be", 1)
 
 
 def _number(value: object) -> None:
@@ -59,23 +62,34 @@ def _positive(value: object) -> None:
         raise ValueError(f"expected a positive number, found {value!r}")
 
 
-def _index(value: object) -> None:
-    whole(value, "the index of a coordinate or a mode", 0)
+def _index(value: object) -> int:
+    return whole(value, "the index of a coordinate or a mode", 0)
 
 
 def _axes(value: Any) -> None:
-    several = isinstance(value, (list, tuple, np.ndarray)) and len(value) > 0
-    each: Any = np.ravel(np.array(value, dtype=object)) if several else [value]
-    if not all(hasattr(ax, "plot") for ax in each):
+    several = isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    each: Any = np.ravel(np.array(value, dtype=object)) if several and len(value) else [value]
+    if not all(hasattr(ax, "plot") and hasattr(ax, "set_xlabel") for ax in each):
         raise ValueError(f"expected axes of Matplotlib, as many as the figure has, found {value!r}")
     for ax in each:
         if getattr(ax, "name", "rectilinear") != "rectilinear":
             raise ValueError(f"expected plane axes with straight scales, found {ax.name!r} ones")
 
 
-def _solutions(value: Any) -> None:
+def _solution(value: Any) -> None:
+    question(value)
+
+
+def _solutions(value: Any) -> list[Any]:
     if not isinstance(value, Iterable) or isinstance(value, (str, bytes)):
         raise ValueError(f"expected several solutions, found {value!r}; put it in a list")
+    return list(value)
+
+
+def _variations(value: Any) -> list[Any]:
+    if not isinstance(value, Iterable) or isinstance(value, (str, bytes)):
+        raise ValueError(f"expected several variations, found {value!r}; put it in a list")
+    return list(value)
 
 
 def _runs(value: object) -> None:
@@ -107,8 +121,11 @@ def _text(value: object) -> None:
 
 
 CHECKS: dict[str, Callable[[Any], Any]] = {
-    "solution": question,
+    "solution": _solution,
     "solutions": _solutions,
+    "etas": _variations,
+    "compare": lambda value: flag(value, "compare"),
+    "force": lambda value: flag(value, "force"),
     "question": _question,
     "units": _units,
     "runs": _runs,
