@@ -34,6 +34,26 @@ def test_many_bounces_in_an_ellipse(bounces):
     ])) < 1e-8  # fmt: skip
 
 
+ORBIT = ao.Event(0, [None, 0.1]), ao.Periodic(1)
+
+
+@pytest.mark.slow
+def test_a_chord_of_a_billiard_without_a_guess():
+    """The longest one of a quartic, there and back."""
+    quartic = ao.Bounce(lambda q, t: 1 - q[0] ** 4 / 4 - q[1] ** 4)
+    chord = ao.solve(ao.Problem(FREE, *ORBIT, through=[quartic] * 2))
+    assert chord.action == pytest.approx(8 * np.sqrt(5), rel=1e-9)
+
+
+def test_a_family_of_closed_paths_without_a_guess():
+    """Poncelet's triangles."""
+    triangle = ao.solve(ao.Problem(FREE, *ORBIT, through=[ELLIPSE] * 3), throw=False)
+    d = np.sqrt(16 - 4 + 1)  # all perimeters are the same (Garcia, Amer. Math. Monthly 126 (2019))
+    length = 2 * (d + 5) * np.sqrt(2 * d - 5) / 3
+    assert triangle.status is ao.Status.DEGENERATE
+    assert triangle.action == pytest.approx(length**2 / 2, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_a_ball_bounces_twice_in_all_ways():
     """The places of the bounces do not tell these apart, their times do."""

@@ -4,6 +4,9 @@ Many motions leave the start at once, in all directions and at many speeds, and 
 the events in their order (`reflection`). What comes near the end, in about the time that is given,
 is a guess. About those that come nearest, or get farthest, more leave, ever closer to them, and
 between neighbours whose ways part: after some bounces few of the directions of a fan are left.
+
+Of closed paths the place of the start is to be found as well: motions leave from anywhere, and
+those that nearly return are brought back by Newton's method on the map from start to return.
 """
 
 from __future__ import annotations
@@ -39,6 +42,13 @@ RAY_SAMPLES, STEP_SAMPLES = (
 )  # along it, and a step, at least, at which surfaces are looked for
 ZOOMS, ZOOMED = 4, 8  # refinements of a time, and samples of each
 RAY_NEAR = 0.05  # a smaller one, in these sizes, is told at once
+STATES_TRIED = (
+    8  # as many states as leave, of which those leave that are on the right side of walls
+)
+RETURNS = 40  # motions that are brought back to where they began
+RETURN_STEPS = 6  # of Newton's method, each
+RETURN_STEP = 0.3  # the longest one, in the sizes
+RETURN_SHIFT = 1e-5  # of the sizes, for differences
 EVENT_MISSED = 100.0  # what an event that is not met costs, of the coordinates' sizes
 
 
@@ -86,6 +96,11 @@ class _Track:
         v = slope * (b - a) + (1 - s) * (1 - 3 * s) * va - s * (2 - 3 * s) * vb
         return q, v
 
+    def step(self, t: Array) -> NDInt:
+        """Return the step in which each of the motions is at times t (..., K)."""
+        i = np.sum(self.times <= t[..., None, :], axis=-2) - 1
+        return np.clip(i, 0, len(self.times) - 2)
+
     def samples(self) -> tuple[NDInt, Array]:
         """Return the step (P,) and the time (P, K) of samples along the motions."""
         steps = len(self.times) - 1
@@ -99,10 +114,11 @@ class _Track:
 class _Batch(NamedTuple):
     """What came of motions: places (K, k + 2, n) and times (K, k + 2), and what each costs (K,).
 
-    `tracks` are those of the legs, and which motions they are of.
+    `u` (K, M) are the states in which they begin, `tracks` those of the legs, and which motions
+    they are of.
     """
 
-    v: Array
+    u: Array
     places: Array
     times: Array
     cost: Array
@@ -115,25 +131,29 @@ def rays(
     """Yield motions through the events of a problem that come near its end, the nearest ones first.
 
     `size` (n,) is that of the coordinates, `span` about how long it takes. There are none where
-    motions do not lead from event to event: coordinates of the start are free, or an event between
-    the ends is no surface. Nor under constraints, whose impulses no law of reflection here has.
+    motions do not lead from event to event: coordinates of the start are free and the path does not
+    close, or an event between the ends is no surface. Nor under constraints, whose impulses no law
+    of reflection here has.
     """
     start, *inner, _ = problem.joints_found
-    system = problem.system
-    given = len(start.pinned) == system.n and not (system.structure.forced or system.m)
+    system, closed = problem.system, problem.advance is not None
+    given = len(start.pinned) == system.n or (closed and start.on is None)
+    given = given and not (system.structure.forced or system.m)
     if not (inner and given) or any(e.on is None or e.on.count > 1 for e in inner):
         return
-    fan = _Fan.of(problem, size, span)
+    fan = (_Returns if closed else _Fan).of(problem, size, span)
     batch = fan.follow(fan.all_round(random))
     if fan.timed:
         batch = fan.follow(fan.in_time(batch))
     found = _Motions(fan)
     for k in range(rounds + 1):
         found.add(batch)
+        if isinstance(fan, _Returns):
+            found.add(fan.follow(fan.bring_back(found.u[found.minima()[:RETURNS]])))
         yield from found.nearest(RAY_NEAR if k < rounds else EVENT_MISSED)
         if k < rounds:
-            v = np.concatenate([found.closer(random, RAYS // 2), found.between(RAYS // 2)])
-            batch = fan.follow(fan.of_energy(v))
+            u = np.concatenate([found.closer(random, RAYS // 2), found.between(RAYS // 2)])
+            batch = fan.follow(fan.of_energy(u))
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +191,7 @@ class _Fan:
         begin = float(begin) if np.isfinite(begin) else 0.0
         filled = begin + np.linspace(0, span, times.size)
         at = problem.found_at(filled)
-        q = np.array(problem.joints_found[0].q, dtype=float)
+        q = np.nan_to_num(np.array(problem.joints_found[0].q, dtype=float))
         legs: list[Problem] = []
         for law in problem.laws or (problem.system,) * (times.size - 1):
             if legs and law is legs[-1].system:
@@ -186,10 +206,15 @@ class _Fan:
                 walls[leg].append(joint)
         return cls(at, legs, walls, size, span, timed)
 
-    # -- velocities ------------------------------------------------------------------------------
+    @property
+    def unit(self) -> Array:
+        """The units of the states (M,) in which motions begin: here, of velocities."""
+        return self.size
+
+    # -- where motions begin -----------------------------------------------------------------------
 
     def all_round(self, random: np.random.Generator) -> Array:
-        """Return velocities (K, n) in all directions, at many speeds."""
+        """Return states (K, M) in all directions, at many speeds."""
         n = self.size.size
         v = random.standard_normal((RAYS, n))
         if n == 2:
@@ -200,45 +225,49 @@ class _Fan:
         return self.of_energy(v * self.size * speeds)
 
     def in_time(self, batch: _Batch) -> Array:
-        """Return the velocities (K, n) of motions, those that come late faster."""
-        last = batch.times[:, -1] - self.legs[0].start.t
-        return batch.v * np.where(np.isfinite(last), last / self.span, 1.0)[:, None]
+        """Return the states (K, M) of motions, those that come late faster."""
+        last, u = batch.times[:, -1] - self.legs[0].start.t, batch.u.copy()
+        u[:, -self.size.size :] *= np.where(np.isfinite(last), last / self.span, 1.0)[:, None]
+        return u
 
-    def of_energy(self, v: Array) -> Array:
-        """Return the velocities (K, n) at the energy that is given, in the same directions."""
+    def of_energy(self, u: Array) -> Array:
+        """Return states (K, M) at the energy that is given, in the same directions."""
         if self.at.energy is None:
-            return v
-        leg = self.legs[0]
-        q, t = self._begin(len(v))
+            return u
+        leg, u = self.legs[0], u.copy()
+        q, v, t = self.begin(u)
         H = [leg.system.energy(q.T, x.T, t, parameters=leg.parameters) for x in (v, 0 * v)]
         with np.errstate(all="ignore"):
-            return v * np.sqrt((self.at.energy - H[1]) / (H[0] - H[1]))[:, None]
+            u[:, -v.shape[1] :] = v * np.sqrt((self.at.energy - H[1]) / (H[0] - H[1]))[:, None]
+        return u
 
-    def _begin(self, count: int) -> tuple[Array, Array]:
-        """Return the place (K, n) and the time (K,) of the start, as often as there are motions."""
+    def begin(self, u: Array) -> tuple[Array, Array, Array]:
+        """Return the place (K, n), the velocity (K, n) and the time (K,) of states (K, M)."""
         start = self.legs[0].start
-        return np.tile(np.array(start.q, dtype=float), (count, 1)), np.full(count, start.t)
+        q = np.tile(np.array(start.q, dtype=float), (len(u), 1))
+        return q, u, np.full(len(u), start.t)
 
     # -- motions ---------------------------------------------------------------------------------
 
-    def follow(self, v: Array) -> _Batch:
-        """Return what comes of motions from the start with velocities v (K, n)."""
-        count, joints = len(v), self.at.joints
-        places = np.full((count, len(joints), v.shape[1]), np.nan)
+    def follow(self, u: Array) -> _Batch:
+        """Return what comes of motions from states u (K, M)."""
+        count, joints = len(u), self.at.joints
+        places = np.full((count, len(joints), self.size.size), np.nan)
         times = np.full((count, len(joints)), np.nan)
-        q, t = self._begin(count)
+        q, v, t = begun = self.begin(u)
         places[:, 0], times[:, 0] = q, t
         cost, tracks = np.full(count, np.inf), []
-        live, u = np.flatnonzero(np.isfinite(v).all(axis=1)), v
+        live = np.flatnonzero(np.isfinite(u).all(axis=1))
         for j, leg in enumerate(self.legs):
             if not live.size:
                 break
-            state = q[live], u[live], t[live]
+            state = q[live], v[live], t[live]
             track = self._track(leg, *state)
             tracks.append((track, live))
             left = EVENT_MISSED * (len(self.legs) - 1 - j)
             if j + 1 == len(self.legs):
-                cost[live], places[live, -1], times[live, -1] = self._arrive(j, track)
+                first = begun[0][live], begun[1][live]
+                cost[live], places[live, -1], times[live, -1] = self._arrive(j, track, first)
                 break
             miss, met = self._meet(j, track)
             cost[live] = left + miss
@@ -251,9 +280,9 @@ class _Fan:
             places[here, j + 1], times[here, j + 1] = q_met, at
             goes = np.isfinite(later).all(axis=1)
             live = here[goes]
-            q, u, t = (np.full((count, *x.shape[1:]), np.nan) for x in (q_met, later, at))
-            q[live], u[live], t[live] = q_met[goes], later[goes], at[goes]
-        return _Batch(v, places, times, cost, tracks)
+            q, v, t = (np.full((count, *x.shape[1:]), np.nan) for x in (q_met, later, at))
+            q[live], v[live], t[live] = q_met[goes], later[goes], at[goes]
+        return _Batch(u, places, times, cost, tracks)
 
     def _track(self, leg: Problem, q: Array, v: Array, t: Array) -> _Track:
         """Return motions from states q, v (K, n) and t (K,) until they are too late."""
@@ -313,7 +342,12 @@ class _Fan:
             here = self._on(joint, inner, at) * side[which] <= 0
             k = np.maximum(np.argmax(here[1:], axis=0), 0)
             low, high = at[k, np.arange(k.size)], at[k + 1, np.arange(k.size)]
-        return miss, (i, low, which)
+        at = np.stack([low, high])
+        before, after = self._on(joint, track.at(i[None], which[None], at)[0], at)
+        with np.errstate(all="ignore"):  # straight between the two
+            part = before / (before - after)
+        part = np.where((part >= 0) & (part <= 1), part, 0.0)
+        return miss, (i, low + part * (high - low), which)
 
     def _leave(self, leg: int, q: Array, v: Array, t: Array) -> Array:
         """Return velocities (K, n) after the event at the end of a leg; NaN for none."""
@@ -326,86 +360,197 @@ class _Fan:
         normals = by_q[:, 0], by_t[:, 0]
         return leave((laws[0], laws[1]), (q, v, t[:, None]), normals, bounces=bounces)
 
-    def _arrive(self, leg: int, track: _Track) -> tuple[Array, Array, Array]:
-        """Return how far motions miss the end, (K,), and where, (K, n), and when, (K,), they do."""
+    def _arrive(
+        self, leg: int, track: _Track, first: tuple[Array, Array]
+    ) -> tuple[Array, Array, Array]:
+        """Return how far motions miss the end, (K,), and where, (K, n), and when, (K,), they do.
+
+        They began at places and with velocities `first`, (K, n) each.
+        """
         steps, t = track.samples()
         columns = np.arange(t.shape[1])
+        cost = self._miss(*track.at(steps[:, None], columns[None], t), t, first)
         q, _ = track.at(steps[:, None], columns[None], t)
-        cost = self._miss(q, t)
         for other in self.walls[leg]:
             out = np.cumsum(~(self._on(other, q, t)[1:] > 0), axis=0) > 0
             cost[1:][out] = np.inf
         k = np.argmin(cost, axis=0)
         low, high = t[np.maximum(k - 1, 0), columns], t[np.minimum(k + 1, len(t) - 1), columns]
         best = t[k, columns]
-        i = steps[k]
         for _ in range(ZOOMS):
             at = low + np.linspace(0, 1, ZOOMED + 1)[:, None] * (high - low)
-            i = np.sum(track.times[None] <= at[:, None], axis=1) - 1
-            i = np.clip(i, 0, len(track.times) - 2)
-            inner, _ = track.at(i, columns[None], at)
-            near = self._miss(inner, at)
+            near = self._miss(*track.at(track.step(at), columns[None], at), at, first)
             k = np.argmin(near, axis=0)
             best = at[k, columns]
             low, high = at[np.maximum(k - 1, 0), columns], at[np.minimum(k + 1, ZOOMED), columns]
-        i = np.clip(np.sum(track.times <= best, axis=0) - 1, 0, len(track.times) - 2)
-        q, _ = track.at(i, columns, best)
-        here = self._miss(q, best)
+        q, v = track.at(track.step(best), columns, best)
+        here = self._miss(q, v, best, first)
         return np.where(np.isfinite(cost.min(axis=0)), here, EVENT_MISSED), q, best
 
-    def _miss(self, q: Array, t: Array) -> Array:
-        """Return how far places q (..., n) at times t (...,) miss the end, (...,)."""
+    def _miss(self, q: Array, v: Array, t: Array, first: tuple[Array, Array]) -> Array:
+        """Return how far q and v (..., n) at times t (...,) miss the end, (...,)."""
+        found = self._miss_of_place(q, t)
+        if self.timed:
+            with np.errstate(all="ignore"):
+                late = np.log(np.maximum(t - self.legs[0].start.t, 0) / self.span)
+            found = found + (RAY_SLOWER * late) ** 2
+        return np.where(np.isfinite(found), np.sqrt(found), np.inf)
+
+    def _miss_of_place(self, q: Array, t: Array) -> Array:
+        """Return the square of the distance from what the end asks of a place, in the sizes."""
         end, found = self.at.joints[-1], np.zeros(t.shape)
         for i in end.pinned:
             found += ((q[..., i] - end.q[i]) / self.size[i]) ** 2
         if end.on is not None:
             flat = q.reshape(-1, q.shape[-1]), t.reshape(-1)
             found += self._far(len(self.at.joints) - 1, *flat).reshape(t.shape) ** 2
-        if self.timed:
-            with np.errstate(all="ignore"):
-                late = np.log(np.maximum(t - self.legs[0].start.t, 0) / self.span)
-            found += (RAY_SLOWER * late) ** 2
-        return np.where(np.isfinite(found), np.sqrt(found), np.inf)
+        return found
+
+
+class _Returns(_Fan):
+    """What motions that are to close are to meet: they begin anywhere, and are to return there.
+
+    States are the free coordinates of the start, and the velocities.
+    """
+
+    @property
+    def _free(self) -> NDInt:
+        """The coordinates of the start that are not given."""
+        return np.setdiff1d(np.arange(self.size.size), self.at.joints_found[0].pinned)
+
+    @property
+    def unit(self) -> Array:
+        """The units of states (M,)."""
+        return np.concatenate([self.size[self._free], self._speed])
+
+    @property
+    def _speed(self) -> Array:
+        """The unit of velocities, (n,)."""
+        return self.size * len(self.legs) / self.span
+
+    def all_round(self, random: np.random.Generator) -> Array:
+        """Return states (K, M) in all directions, at many speeds, on the right side of walls."""
+        free, n = self._free, self.size.size
+        speeds = RAY_SPEEDS ** random.uniform(-1, 1, (STATES_TRIED * RAYS, 1))
+        v = random.standard_normal((STATES_TRIED * RAYS, n))
+        v *= speeds * self._speed / np.linalg.norm(v, axis=1, keepdims=True)
+        u = np.concatenate(
+            [random.uniform(-1, 1, (len(v), free.size)) * self.size[free], v], axis=1
+        )
+        q, _, t = self.begin(u)
+        inside = np.isfinite(u).all(axis=1)
+        for joint in self.walls[0]:
+            inside &= self._on(joint, q, t) > 0
+        return self.of_energy(u[inside][:RAYS] if inside.any() else u[:RAYS])
+
+    def begin(self, u: Array) -> tuple[Array, Array, Array]:
+        """Return the place (K, n), the velocity (K, n) and the time (K,) of states (K, M)."""
+        q, _, t = super().begin(u)
+        q[:, self._free] = u[:, : self._free.size]
+        return q, u[:, self._free.size :], t
+
+    def in_time(self, batch: _Batch) -> Array:
+        """Return the states themselves: they are followed for the time that is given."""
+        return batch.u
+
+    def _return(self, q: Array, v: Array, first: tuple[Array, Array]) -> Array:
+        """Return how far q and v (..., K, n) are from where they began, in units, (..., K, 2 n)."""
+        q0, v0 = self.at.closed_from(first[0].T).T, first[1][:, list(self.at.order)]
+        return np.concatenate([(q - q0) / self.size, (v - v0) / self._speed], axis=-1)
+
+    def _miss(self, q: Array, v: Array, t: Array, first: tuple[Array, Array]) -> Array:
+        """Return how far q and v (..., n) at times t (...,) are from where they began, (...,)."""
+        found = np.linalg.norm(self._return(q, v, first), axis=-1)
+        return np.where(np.isfinite(found), found, np.inf)
+
+    def _arrive(
+        self, leg: int, track: _Track, first: tuple[Array, Array]
+    ) -> tuple[Array, Array, Array]:
+        """Return the same as for given ends: at the time that is given, if one is."""
+        if not self.timed:
+            return super()._arrive(leg, track, first)
+        at = np.full(len(first[0]), self.legs[0].start.t + self.span)
+        steps, t = track.samples()
+        columns = np.arange(at.size)
+        between, _ = track.at(steps[:, None], columns[None], t)
+        q, v = track.at(track.step(at), columns, at)
+        cost = np.where(track.times[0] < at, self._miss(q, v, at, first), EVENT_MISSED)
+        for other in self.walls[leg]:
+            out = (~(self._on(other, between, t)[1:] > 0) & (t[1:] <= at)).any(axis=0)
+            cost[out] = EVENT_MISSED
+        return cost, q, at
+
+    def bring_back(self, u: Array) -> Array:
+        """Return states (K, M) that return more nearly, by Newton's method on the map.
+
+        Of least length where a step is not unique, as along a family or a motion.
+        """
+        unit = self.unit
+        for _ in range(RETURN_STEPS):
+            away = RETURN_SHIFT * unit * np.eye(unit.size)
+            around = np.concatenate([u[None], u + away[:, None]]).reshape(-1, unit.size)
+            missed = self._missed(self.follow(self.of_energy(around))).reshape(
+                len(away) + 1, len(u), -1
+            )
+            slope = np.moveaxis((missed[1:] - missed[0]) / RETURN_SHIFT, 0, -1)
+            good = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(missed[0]).all(axis=1)
+            u, slope, miss = u[good], slope[good], missed[0][good]
+            if not len(u):
+                break
+            step = -(np.linalg.pinv(slope, rcond=1e-3) @ miss[..., None])[..., 0]
+            largest = np.abs(step).max(axis=1, keepdims=True)
+            u = u + step * np.minimum(1.0, RETURN_STEP / np.maximum(largest, 1e-300)) * unit
+        return self.of_energy(u)
+
+    def _missed(self, batch: _Batch) -> Array:
+        """Return how far motions are from where they began, (K, 2 n); NaN where they get lost."""
+        found = np.full((len(batch.u), 2 * self.size.size), np.nan)
+        if len(batch.tracks) == len(self.legs):
+            track, live = batch.tracks[-1]
+            at = batch.times[live, -1]
+            q, v = track.at(track.step(at), np.arange(live.size), at)
+            found[live] = self._return(q, v, self.begin(batch.u[live])[:2])
+        return found
 
 
 class _Motions:
-    """All motions that were followed: their velocities and those nearest to each, what each costs.
+    """All motions that were followed: their states and those nearest to each, what each costs.
 
     Attributes
     ----------
-    v : (K, n) array
+    u : (K, M) array
     cost : (K,) array
     where : (K, k + 2, n + 1) array
         Places and times of their events, in units of the sizes and of the duration.
     near, apart : (K, M) arrays
-        The motions of the nearest velocities, and how far these are, in the sizes.
+        The motions of the nearest states, and how far these are, in the sizes.
     """
 
     def __init__(self, fan: _Fan) -> None:
         self.fan, self.batches, self.told = fan, [], []
         n, events = fan.size.size, len(fan.at.joints)
-        self.count = RAY_NEIGHBOURS * n
-        self.v, self.cost = np.zeros((0, n)), np.zeros(0)
+        self.count = RAY_NEIGHBOURS * fan.unit.size
+        self.u, self.cost = np.zeros((0, fan.unit.size)), np.zeros(0)
         self.where = np.zeros((0, events, n + 1))
         self.near, self.apart = np.zeros((0, self.count), dtype=int), np.zeros((0, self.count))
 
     def add(self, batch: _Batch) -> None:
         """Add motions."""
         self.batches.append(batch)
-        size, old = self.fan.size, len(self.v)
-        self.v = np.concatenate([self.v, batch.v])
+        size, old = self.fan.size, len(self.u)
+        self.u = np.concatenate([self.u, batch.u])
         self.cost = np.concatenate([self.cost, batch.cost])
         times = (batch.times - batch.times[:, :1]) / self.fan.span
         where = np.concatenate([batch.places / size, times[..., None]], axis=2)
         self.where = np.concatenate([self.where, where])
-        u, new = self.v / size, np.arange(old, len(self.v))
+        u, new = self.u / self.fan.unit, np.arange(old, len(self.u))
         apart = np.linalg.norm(u[:, None] - u[None, old:], axis=2)
         apart[~np.isfinite(apart)] = np.inf
         apart[new, np.arange(new.size)] = np.inf
         later = np.broadcast_to(new, (old, new.size))
         near = np.concatenate([self.near, later], axis=1)
         known = self._least(near, np.concatenate([self.apart, apart[:old]], axis=1))
-        every = np.broadcast_to(np.arange(len(self.v)), (new.size, len(self.v)))
+        every = np.broadcast_to(np.arange(len(self.u)), (new.size, len(self.u)))
         rest = self._least(every, apart.T)
         self.near, self.apart = (np.concatenate(pair) for pair in zip(known, rest, strict=True))
 
@@ -423,16 +568,16 @@ class _Motions:
         return best[np.argsort(self.cost[best])]
 
     def closer(self, random: np.random.Generator, count: int) -> Array:
-        """Return velocities (count, n) near those that cost least."""
+        """Return states (count, M) near those that cost least."""
         best = self.minima()[:BEST_RAYS]
         if not best.size:
             return self.fan.all_round(random)[:count]
         chosen = np.resize(best, count)
-        away = random.standard_normal((count, self.fan.size.size)) * self.fan.size
-        return self.v[chosen] + RAY_SPREAD * self.apart[chosen].max(axis=1)[:, None] * away
+        away = random.standard_normal((count, self.fan.unit.size)) * self.fan.unit
+        return self.u[chosen] + RAY_SPREAD * self.apart[chosen].max(axis=1)[:, None] * away
 
     def between(self, count: int) -> Array:
-        """Return velocities (count, n), or fewer, between neighbours whose ways part.
+        """Return states (count, M), or fewer, between neighbours whose ways part.
 
         Those first that are farthest from one another.
         """
@@ -444,20 +589,20 @@ class _Motions:
         i, j = np.nonzero(part)
         once = i < self.near[i, j]
         i, j = i[once], j[once]
-        k = np.argsort(-self.apart[i, j] / np.linalg.norm(self.v[i] / self.fan.size, axis=1))
+        k = np.argsort(-self.apart[i, j] / np.linalg.norm(self.u[i] / self.fan.unit, axis=1))
         i, j = i[k[:count]], j[k[:count]]
-        return (self.v[i] + self.v[self.near[i, j]]) / 2
+        return (self.u[i] + self.u[self.near[i, j]]) / 2
 
     def nearest(self, miss: float) -> Iterator[Ray]:
         """Yield motions that miss the end by less than their neighbours, and less than `miss`."""
-        size, first = self.fan.size, np.cumsum([0, *(len(b.v) for b in self.batches)])
+        first = np.cumsum([0, *(len(b.u) for b in self.batches)])
         for k in self.minima().tolist():
             if not self.cost[k] < miss:
                 return
             apart = self.apart[k].max()
-            if any(np.linalg.norm((self.v[k] - v) / size) < apart for v in self.told):
+            if any(np.linalg.norm((self.u[k] - u) / self.fan.unit) < apart for u in self.told):
                 continue
-            self.told.append(self.v[k])
+            self.told.append(self.u[k])
             batch = int(np.searchsorted(first, k, side="right")) - 1
             b, i = self.batches[batch], k - int(first[batch])
             legs = []

@@ -61,6 +61,7 @@ CLOSED_MOMENTUM = 1e-4  # of the momenta: a larger change where a path closes is
 RESTING_MOMENTUM = 1e-9  # of that with which the coordinates' size is crossed in the duration
 GRAZING_SPEED = 1e-6  # of the speed, that across a surface which is touched only
 FAMILY_TRIES = 12  # first paths from which a family is sought, if nothing else was found
+AFTER_FAMILY = 6  # more of them, to find a path that is alone
 SEVERAL = 8  # paths with given integrals of which the least is taken, if none is a minimum
 
 
@@ -72,7 +73,7 @@ def solve_through(
     watch: Watch | None,
 ) -> tuple[Solution, str]:
     """Return a path through events of which times or places are to be found, and a hint."""
-    hint, best, others = "", None, 0
+    hint, best, others, left = "", None, 0, AFTER_FAMILY
     for solution, why in attempts(problem, tol, guess, watch):
         if solution.success and problem.integral is not None and guess is None:
             # One of many, states above the lowest one or ropes that stand: the least is asked for.
@@ -90,6 +91,10 @@ def solve_through(
             not _is_stationary(best) and (_is_stationary(solution) or (why and not hint))
         ):
             best, hint = solution, why
+        if best.status is Status.DEGENERATE:
+            left -= 1
+            if not left:
+                break
     if best is None and problem.integral is not None:
         raise ValueError(
             f"expected values of the integrals that a path between the events reaches, found "
@@ -126,19 +131,19 @@ def attempts(
 ) -> Iterator[tuple[Solution, str]]:
     """Yield what came of each first path, and why it is no answer.
 
-    Of `count` first paths of each kind, each answer once, for a search for all of them. Where no
-    closed path came of any, the first of them once more: Newton's method is lost in a family.
+    Of `count` first paths of each kind, each answer once, for a search for all of them. Until a
+    closed path came of any, the first of them twice: Newton's method is lost in a family.
     """
     seen: list[tuple[Array, Array]] = []
-    firsts: list[tuple[Path, Array]] = []
     known = False
 
     def tries() -> Iterator[tuple[Path, Array, bool]]:
+        left = FAMILY_TRIES if problem.advance is not None else 0
         for first in starts(problem, guess, count, seed):
-            firsts.append(first)
             yield *first, False
-        if not known and problem.advance is not None:
-            yield from ((*first, True) for first in firsts[:FAMILY_TRIES])
+            if left and not known:
+                left -= 1
+                yield *first, True
 
     for path, times, of_family in tries():
         started = perf_counter()
@@ -361,6 +366,8 @@ def _sizes(problem: Problem, points: Array) -> Array:
     above each other do not say that the path between them stays there.
     """
     size = np.maximum(np.ptp(points, axis=0), np.abs(points).max(axis=0))
+    if problem.advance is not None:  # what a closed path meets tells more than where it begins
+        size = np.maximum(size, _extent(problem, points, size))
     way = np.where(size > 0, size, size.max() or 1.0)[None]
     middle = points.mean(axis=0, keepdims=True)
     times = _fill(times_of(problem), np.ones(len(points) - 1))
@@ -369,6 +376,18 @@ def _sizes(problem: Problem, points: Array) -> Array:
         unit = np.ones(size.size)
     largest = (size * unit).max()
     return np.maximum(size, SMALLEST_SIZE * largest / unit) if largest > 0 else np.ones(size.size)
+
+
+def _extent(problem: Problem, points: Array, size: Array) -> Array:
+    """Return how far points on the surfaces of events are from the origin, (n,): of a few."""
+    times = _fill(times_of(problem), np.ones(len(points) - 1))
+    scale, found = size.max() or 1.0, [np.zeros(size.size)]
+    for event, t in zip(problem.joints_found, times.tolist(), strict=True):
+        for away in np.concatenate([np.eye(size.size), -np.eye(size.size)]):
+            if event.on is not None:
+                point = onto(problem, event, scale * away, t, np.full(size.size, scale))
+                found += [] if point is None else [np.abs(point)]
+    return np.max(found, axis=0)
 
 
 def _inertia(problem: Problem, q: Array, v: Array, t: Array) -> Array:
