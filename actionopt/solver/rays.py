@@ -489,7 +489,7 @@ class _Returns(_Fan):
         for _ in range(RETURN_STEPS):
             away = RETURN_SHIFT * unit * np.eye(unit.size)
             around = np.concatenate([u[None], u + away[:, None]]).reshape(-1, unit.size)
-            missed = self._missed(self.follow(self.of_energy(around))).reshape(
+            missed = self._gap(self.follow(self.of_energy(around))).reshape(
                 len(away) + 1, len(u), -1
             )
             slope = np.moveaxis((missed[1:] - missed[0]) / RETURN_SHIFT, 0, -1)
@@ -502,7 +502,7 @@ class _Returns(_Fan):
             u = u + step * np.minimum(1.0, RETURN_STEP / np.maximum(largest, 1e-300)) * unit
         return self.of_energy(u)
 
-    def _missed(self, batch: _Batch) -> Array:
+    def _gap(self, batch: _Batch) -> Array:
         """Return how far motions are from where they began, (K, 2 n); NaN where they get lost."""
         found = np.full((len(batch.u), 2 * self.size.size), np.nan)
         if len(batch.tracks) == len(self.legs):
