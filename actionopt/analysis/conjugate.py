@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from actionopt.analysis.full_form import FORM_ROUNDS, form_until
 from actionopt.analysis.index import NEAR_ZERO, tolerance_of
@@ -28,7 +29,7 @@ from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.tools.blas import one_thread
-from actionopt.tools.types import Array
+from actionopt.tools.types import Array, NDInt
 
 CONJUGATE_RESOLUTION = 1e-10  # of Jacobi fields and path; ad hoc, below `SAME_ROOT`
 # Phases that move by less between two times are surely matched: derived, they are known modulo pi,
@@ -142,7 +143,10 @@ def _falls(solution: Solution) -> list[float]:
                 a = max((t for t in known if miss(t, k) < 0), default=start)
                 b = min(t for t in known if miss(t, k) >= 0)
                 at_a = miss(a, k) if a > start else -1.0  # on short times rates are all there is
-                found[k] = _root(lambda t, k=k: miss(t, k), a, at_a, b, miss(b, k))
+                ends = (np.array([x]) for x in (a, at_a, b, miss(b, k)))
+                found[k] = float(
+                    _zeros(lambda _, t, k=k: np.array([miss(float(t[0]), k)]), *ends)[0]
+                )
     return found
 
 
@@ -175,15 +179,11 @@ class Phases:
             node = g.nodes[at[own]]
             q[mine] = np.einsum("tk,tkn->tn", weights, form.at.Q[node])
             v[mine] = np.einsum("tk,tkn->tn", slopes, form.at.Q[node])
-            used, place = np.unique(own, return_inverse=True)
-            eta = np.stack(
-                [
-                    np.einsum("knr,krc->knc", form.basis[k], self.jacobi[i])
-                    for i, k in zip(used, g.nodes[at[used]], strict=True)
-                ]
-            )[place]
-            J[mine] = np.einsum("tk,tknc->tnc", weights, eta)
-            rate[mine] = np.einsum("tk,tknc->tnc", slopes, eta)
+            for i in np.unique(own).tolist():
+                here = own == i
+                eta = form.basis[g.nodes[at[i]]] @ self.jacobi[i]
+                J[mine[here]] = np.tensordot(weights[here], eta, 1)
+                rate[mine[here]] = np.tensordot(slopes[here], eta, 1)
         times = t[:, None]
         _, B, C, _ = coefficients(tr.problem, q, v, times)
         scale = form.units[:, None] * form.units
@@ -213,19 +213,12 @@ def _lift(before: Array, now: Array) -> tuple[Array, float]:
     passes it backwards but by rounding, at a root, however near that seems.
     """
     r = before.size
-    best = None
-    for passed in range(-1, r + 1):
-        if passed < 0:
-            if now[-1] < np.pi - BACKWARDS:
-                continue
-            lifted = np.r_[now[-1] - np.pi, now[:-1]]
-        else:
-            lifted = np.r_[now[passed:], now[:passed] + np.pi]
-        move = float(np.max(np.abs(lifted - before)))
-        if best is None or move < best[1]:
-            best = (lifted, move)
-    assert best is not None
-    return best
+    lifted = sliding_window_view(np.concatenate([now, now + np.pi]), r)
+    if now[-1] >= np.pi - BACKWARDS:
+        lifted = np.vstack([np.r_[now[-1] - np.pi, now[:-1]], lifted])
+    moves = np.abs(lifted - before).max(axis=1)
+    least = int(np.argmin(moves))
+    return lifted[least], float(moves[least])
 
 
 def _roots(phases: Phases) -> list[float]:
@@ -244,7 +237,7 @@ def _roots(phases: Phases) -> list[float]:
         near = np.argsort(np.sin(values[0]))
         values[0] = np.r_[np.zeros(held), np.sort(values[0][near[held:]])]
     shortest = CLOSEST_TIMES * (t1 - t0)
-    roots: list[float] = []
+    brackets: list[tuple] = []
     for k in range(times.size - 1):
         stack = [(times[k], values[k], times[k + 1], values[k + 1])]
         while stack:
@@ -256,10 +249,19 @@ def _roots(phases: Phases) -> list[float]:
                 stack += [(middle, at_middle, b, at_b), (a, at_a, middle, at_middle)]
                 continue
             for i in np.flatnonzero(lifted >= np.pi):
-                miss = lambda t, at_a=at_a, i=i: (  # noqa: E731
-                    float(_lift(at_a, phases(np.array([t]))[0])[0][i] - np.pi)
-                )
-                roots.append(_root(miss, a, float(at_a[i] - np.pi), b, float(lifted[i] - np.pi)))
+                brackets.append((at_a, i, a, at_a[i] - np.pi, b, lifted[i] - np.pi))
+
+    def miss(which: NDInt, t: Array) -> Array:
+        """Return by how much phases are above pi at times (A,), of these brackets."""
+        return np.array(
+            [
+                _lift(brackets[k][0], now)[0][brackets[k][1]] - np.pi
+                for k, now in zip(which, phases(t), strict=True)
+            ]
+        )
+
+    ends = np.array([bracket[2:] for bracket in brackets], dtype=float).reshape(-1, 4).T
+    roots = _zeros(miss, *ends).tolist()
     if t1 in singular:
         return roots
     # A root at the very end may fall behind it by rounding.
@@ -270,23 +272,34 @@ def _roots(phases: Phases) -> list[float]:
     return roots + [float(t1)] * int(np.sum(beyond))
 
 
-def _root(miss: Callable[[float], float], a: float, at_a: float, b: float, at_b: float) -> float:
-    """Return the time in (a, b] at which a function passes zero upwards (Illinois method)."""
-    low, high, side = a, b, 0
+def _zeros(
+    miss: Callable[[NDInt, Array], Array], low: Array, below: Array, high: Array, above: Array
+) -> Array:
+    """Return times (K,) at which functions pass zero upwards (Illinois method), all together.
+
+    They have the values `below` and `above` (K,) at the times `low` and `high`; `miss(which, t)`
+    returns those of some, (A,), at the times t (A,).
+    """
+    side, live = np.zeros(low.size), np.arange(low.size)
+    low, below, high, above = (np.array(x, dtype=float) for x in (low, below, high, above))
     for _ in range(ILLINOIS_STEPS):
-        if high - low <= 4e-16 * max(abs(low), abs(high)) or at_b == 0:
+        a, b = low[live], high[live]
+        live = live[(b - a > 4e-16 * np.maximum(np.abs(a), np.abs(b))) & (above[live] != 0)]
+        if not live.size:
             break
-        t = (low * at_b - high * at_a) / (at_b - at_a)
-        t = t if low < t < high else (low + high) / 2
-        now = miss(t)
-        if now >= 0:
-            high, at_b = t, now
-            at_a = at_a / 2 if side == 1 else at_a
-            side = 1
-        else:
-            low, at_a = t, now
-            at_b = at_b / 2 if side == -1 else at_b
-            side = -1
-        if abs(now) < 1e-14:
-            return t
+        a, b = low[live], high[live]
+        t = (a * above[live] - b * below[live]) / (above[live] - below[live])
+        t = np.where((a < t) & (t < b), t, (a + b) / 2)
+        now = miss(live, t)
+        for passed, sign, end, value, other in (
+            (now >= 0, 1, high, above, below),
+            (now < 0, -1, low, below, above),
+        ):
+            k = live[passed]
+            end[k], value[k] = t[passed], now[passed]
+            other[k] /= np.where(side[k] == sign, 2.0, 1.0)
+            side[k] = sign
+        there = np.abs(now) < 1e-14
+        high[live[there]] = t[there]
+        live = live[~there]
     return high
