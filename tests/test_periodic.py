@@ -444,3 +444,49 @@ def test_coordinates_that_hardly_move_make_no_family(n, status):
         exact = np.linalg.inv(matrix)[0]
         assert np.max(np.abs(solution(0.0) - exact)) < 1e-13
         assert np.max(np.abs(solution(0.0) - exact) / exact) < solution.error
+
+
+KEPLER_TILT = np.array([[0.8, -0.6], [0.6, 0.8]])
+
+
+def _ellipse(t):
+    """Return a Kepler ellipse of eccentricity 0.3 and semi-axis one, tilted, at times t."""
+    e = 0.3
+    E = t = np.asarray(t, dtype=float)
+    for _ in range(20):
+        E = E - (E - e * np.sin(E) - t) / (1 - e * np.cos(E))
+    return KEPLER_TILT @ np.array([np.cos(E) - e, np.sqrt(1 - e**2) * np.sin(E)])
+
+
+MEMBERS = {
+    "oscillator": (
+        ao.System(lambda q, v, t: v[0] ** 2 / 2 - 0.72 * q[0] ** 2, ["x"]),
+        lambda t: [0.7 * np.cos(1.2 * t) - 0.4 * np.sin(1.2 * t)],
+        2 * np.pi / 1.2,
+    ),
+    "isotropic": (
+        ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"]),
+        lambda t: [0.7 * np.cos(t) - 0.4 * np.sin(t), 0.2 * np.cos(t + 1)],
+        2 * np.pi,
+    ),
+    "two to one": (
+        ao.System(lambda q, v, t: (v @ v - q[0] ** 2 - 4 * q[1] ** 2) / 2, ["x", "y"]),
+        lambda t: [0.8 * np.cos(t + 0.3), 0.6 * np.cos(2 * t + 1)],
+        2 * np.pi,
+    ),
+    "Kepler": (
+        ao.System(lambda q, v, t: (v @ v) / 2 + 1 / np.sqrt(q @ q), ["x", "y"]),
+        lambda t: list(_ellipse(t)),
+        2 * np.pi,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MEMBERS)
+def test_a_guess_that_is_a_member_of_a_family_is_kept(name):
+    system, member, T = MEMBERS[name]
+    problem = ao.Problem(system, ao.Event(0, [None] * system.n), Periodic(T))
+    solution = ao.solve(problem, guess=member, tol=1e-9, throw=False)
+    assert solution.status is ao.Status.DEGENERATE
+    for t in np.linspace(0, T, 17):
+        assert np.max(np.abs(solution(t) - member(t))) < 1e-9

@@ -72,6 +72,8 @@ SINGULAR = 1e-3
 # that. Measured on families of 2 to 5 dimensions: flat from 1e-4 to 1e-5, at 3e-4 some are missed.
 ON_FAMILY = 3e-5
 UNREACHED = 1e6  # damping of steps to a family, in squares of the residual, that leads nowhere
+# Largest equation, in units of the action, of a guess that may be a closed path already; ad hoc.
+IS_MEMBER = 1e-4
 ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess, and how far it tells a place
 FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a family
 NEAR_GUESS = 0.1  # how far a guess tells a place
@@ -330,6 +332,29 @@ class Unfixed(Workspace[UnfixedPath]):
         self.iterate, self.hint = before
         return None
 
+    def keep_member(self, guess: Guess) -> Status | None:
+        """Hold a guess that is a closed path already along its family, and refine it there.
+
+        Newton's steps would lead along the family, by the round-off of what is singular there.
+        """
+        if self.problem.phase_coordinates:
+            return None
+        path = guess_path(self.problem, guess, min(REPRESENTED[1], self.tol))
+        if path.mesh.offsets[-1] > 2 * FULL // self.problem.system.n:
+            return None
+        before, first = (self.iterate, self.hint), self._around(path, None)
+        with np.errstate(all="ignore"):
+            closes = np.abs(first.bordered.residual(first.z)).max() < IS_MEMBER
+        if closes:
+            with suppress(np.linalg.LinAlgError):
+                if self._approach_family(first, steps=1):
+                    status = self.judge(self.settle())
+                    if status.stationary:
+                        return status
+        self.along = ()
+        self.iterate, self.hint = before
+        return None
+
     def reach_family(self, path: Path) -> bool:
         """Go to a path near a rough one that is one of a family, and hold it along that."""
         self.here = first = self._around(path, None)
@@ -338,7 +363,7 @@ class Unfixed(Workspace[UnfixedPath]):
         except np.linalg.LinAlgError:
             return False
 
-    def _approach_family(self, here: UnfixedPath) -> bool:
+    def _approach_family(self, here: UnfixedPath, steps: int | None = None) -> bool:
         """Go to a path by steps of least norm, and keep the directions of its family there.
 
         By Levenberg and Marquardt's method, damped by the square of the residual: it comes to a
@@ -349,7 +374,7 @@ class Unfixed(Workspace[UnfixedPath]):
         count, beside = bordered.forces.start, bordered.phases  # no phase is needed, nor a force
         residual = bordered.residual(y)[:count]
         with np.errstate(all="ignore"):
-            for _ in range(PATIENT if y.size <= FULL else PATIENT // 4):
+            for _ in range(steps or (PATIENT if y.size <= FULL else PATIENT // 4)):
                 matrix = full(bordered.layout, bordered.kkt(y))[:count, :count]
                 size = np.linalg.norm(residual)
                 if not (np.isfinite(matrix).all() and np.isfinite(size)):
@@ -358,7 +383,8 @@ class Unfixed(Workspace[UnfixedPath]):
                 right = np.pad(right, ((0, 0), (0, beside)))
                 across, rank = left.T @ residual, int((values > SINGULAR).sum())
                 step = right[:rank].T @ (across[:rank] / values[:rank])
-                if rank < count and bordered.relative_step(step) < ON_FAMILY:
+                known = beside if steps else 0  # directions in which any closed path may be moved
+                if rank < count - known and bordered.relative_step(step) < ON_FAMILY:
                     self.here = here = here.moved(y)
                     moved = [here.tr.coordinates(y + d) - here.Q for d in right[rank:]]
                     self.along = tuple(Path(here.mesh, d.T) for d in moved)
@@ -514,7 +540,12 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
                 yield at.path, at.rows, "duration", True
 
     try:
-        for path, lam, how, damped in tries():
+        kept = None
+        if thorough and guess is not None and problem.closes and choices.strategies is not IPOPT:
+            kept = run.keep_member(guess)
+        if kept is not None:
+            status, run.found_by = kept, "guess"
+        for path, lam, how, damped in tries() if kept is None else ():
             if choices.strategies is IPOPT:
                 path, lam, how = _by_ipopt(problem, path, choices), None, "ipopt"
             if not run.reach(path, lam, damped=damped):
