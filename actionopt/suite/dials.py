@@ -193,6 +193,13 @@ DIALS = {
                     "unknowns, its square, and how much the factors of the matrix fill in",
                 ),
                 (
+                    "thrust",
+                    "goddard_rocket",
+                    "most",
+                    (10.0, 7.0, 5.0, 4.0, 3.5, 3.2),
+                    "how near its bound the thrust on the singular arc is",
+                ),
+                (
                     "noise",
                     "shooting",
                     "tolerance",

@@ -23,7 +23,7 @@ def double_integrator(*, elements: int = 50, most: float = 5.0) -> WrittenModel:
     """
     if not 4.0 < most < np.inf:
         raise ValueError(f"expected a bound of more than 4, else it is not reached, found {most!r}")
-    count, h = _elements(elements), 1 / elements
+    count, h = check_elements(elements), 1 / elements
     q, v = ca.SX.sym("q", count - 1), ca.SX.sym("v", count - 1)
     u = ca.SX.sym("u", count)
     places, speeds = ca.vertcat(0, q, 1), ca.vertcat(0, v, 0)
@@ -72,7 +72,7 @@ def singular_arc(*, elements: int = 50, distance: float = 0.55) -> WrittenModel:
     """
     if not 0 < distance < 1:
         raise ValueError(f"expected a distance between 0 and 1, found {distance!r}")
-    count, h = _elements(elements), 1 / elements
+    count, h = check_elements(elements), 1 / elements
     x, u = ca.SX.sym("x", count), ca.SX.sym("u", count)
     places = ca.vertcat(distance, x)
 
@@ -96,7 +96,8 @@ def singular_arc(*, elements: int = 50, distance: float = 0.55) -> WrittenModel:
     )
 
 
-def _elements(elements: int) -> int:
+def check_elements(elements: int) -> int:
+    """Return the number of elements; raises ValueError if there are less than 2, or not whole."""
     if elements != int(elements) or elements < 2:
         raise ValueError(f"expected a whole number of elements, at least 2, found {elements!r}")
     return int(elements)

@@ -186,6 +186,11 @@ class WrittenProgram(Program):
         slopes = ca.jacobian(self.r, self.x)
         return ca.Function("r", [self.x], [self.r]), ca.Function("slopes", [self.x], [slopes])
 
+    def slope_and_curvature(self, x: Array) -> tuple[ca.DM, ca.DM]:
+        """Return the gradient of f, (n, 1), and its Hessian, sparse (n, n); neither is counted."""
+        curved = self._hessian_function(x, np.zeros(self.m), 1.0)
+        return self._gradient_function(x), ca.triu2symm(curved)
+
     @cached_property
     def _slopes(self) -> ca.SX:
         return ca.gradient(self.f, self.x)

@@ -219,10 +219,7 @@ class WrittenModel(Model, WrittenProgram):
 
     def _bending(self, x: Array) -> Array:
         """Return the Hessian of f, dense."""
-        rows, cols = self.hessian_structure
-        H = np.zeros((self.n, self.n))
-        H[rows, cols] = H[cols, rows] = self._hessian(x, None, 1.0)
-        return H
+        return self.slope_and_curvature(x)[1].full()
 
     def _step(self, x: Array) -> Array:
         try:

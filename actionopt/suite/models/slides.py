@@ -40,11 +40,9 @@ def slide_above_floor(
     straight = np.sqrt(2 * np.arange(1, count) / count)
 
     def newton() -> KnownAnswer:
-        slope = ca.gradient(f, v)
-        both = ca.Function("both", [v], [slope, ca.jacobian(slope, v, {"symmetric": True})])
         found = quickest(h * np.arange(1, count))
         for _ in range(MOST_ROUNDS):
-            g, H = both(found)
+            g, H = slide.slope_and_curvature(found)
             free = np.flatnonzero((found < fastest) | (np.array(g).ravel() > 0)).tolist()
             step = np.zeros(count - 1)
             if free:
@@ -56,7 +54,7 @@ def slide_above_floor(
                 return KnownAnswer(found, np.zeros(0), how)
         raise ValueError(f"expected elements that tell the slide, found {count}; use fewer")
 
-    return WrittenModel(
+    slide = WrittenModel(
         "slide_above_floor",
         v,
         f,
@@ -65,6 +63,7 @@ def slide_above_floor(
         answer=newton,
         tags=("bounds on coordinates",),
     )
+    return slide
 
 
 def continuous_speeds(width: float, floor: float) -> Callable[[Array], Array]:
