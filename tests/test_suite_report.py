@@ -174,6 +174,18 @@ def test_the_report_tells_meshes_starts_and_parameters_apart(tmp_path, monkeypat
     assert "casadi 3" in text
 
 
+def test_models_are_among_the_problems(tmp_path, monkeypatch):
+    monkeypatch.setattr("actionopt.suite.report._figure", lambda *arguments: "")
+    known = record("a", "pendulum_row", start="own", own_start="own")
+    none = record("a", "arm_in_disc", said="infeasible", infeasible=True, least=True)
+    del none["f_star"]
+    text = write([known, none, record("a", "p")], tmp_path).read_text()
+    assert "2 of the problems are models" in " ".join(text.split())
+    assert "<td>several optima, barrier</td>" in text and "<td>infeasible</td>" in text
+    words = " ".join(text.replace("\\", "").split())
+    assert "--solver a --models --problem arm_in_disc --problem pendulum_row" in words
+
+
 @pytest.mark.slow
 def test_what_is_published_is_what_the_records_say(tmp_path, monkeypatch):
     monkeypatch.setattr(profiles, "save", lambda ax, file: None)

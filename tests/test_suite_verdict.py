@@ -132,3 +132,11 @@ def test_one_noise_flips_the_verdict_of_every_member(name):
         # Near enough to it, what Newton's method says is the distance.
         x = problem.x_star + 1e-7 * noise
         assert problem.residual(x) == pytest.approx(problem.distance(x), rel=0.5)
+
+
+def test_a_degenerate_point_is_told_though_newtons_method_has_no_step_there():
+    row = suite.model("pendulum_row", pendulums=8, coupling=0.5)  # 4 c sin^2(pi/4) = 1
+    point = row.others[0]
+    assert point.index is None and np.abs(row.gradient(point.x)).max() < 1e-12
+    found = examine(row, point.x, row.start())
+    assert (found.at, found.index, found.off) == ("other", None, 0.0)

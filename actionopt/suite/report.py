@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 from statistics import median
 from typing import Any
 
-from actionopt.suite import FAMILIES, dial_report, profile
+from actionopt.suite import FAMILIES, MODELS, dial_report, member, profile
 from actionopt.suite.dial_report import on_a_dial
 from actionopt.suite.dials import DIALS
 from actionopt.suite.page import figure, table
@@ -21,8 +21,8 @@ RUNS_PAGE = """\
 <p>{cells} runs: {solvers} solvers on {problems} problems, {dates}, {machines}; {packages}. Every
 solver has its own default options{changed}. Two questions are put to each answer: whether it is
 what a <em>minimiser</em> should say, and whether it is the <em>stationary</em> point that is known,
-be it a saddle. It is judged by the point returned; of the solver's word, "unbounded" may be right,
-and to claim what is not so is wrong.</p>
+be it a saddle. It is judged by the point returned; of the solver's word, "unbounded" and
+"infeasible" may be right, and to claim what is not so is wrong.{models}</p>
 {modes}
 <h2>Data profiles</h2>
 <p>Fraction of problems for which so many evaluations of f, over n + 1, brought f within tau of the
@@ -50,14 +50,18 @@ medians). Who waits is not counted; who shares the processor's caches with other
 <pre>{commands}</pre>
 """
 
+MODELS_TOLD = """
+{} of the problems are models, written down as they are, without a mesh: infeasible ones, bounds and
+control, fields in the plane, least squares, complementarity, small ones."""
+
 SECTION = """\
 <h2>Asked to {verb}</h2>
 <dl>{meanings}</dl>
 <p>Within {loose:g} of the point, in units of the coordinates; in parentheses, right within
 {tight:g}.</p>
 {verdicts}
-<p>Right by class: objective Quadratic or Other; constraints Unconstrained (none), Bounds alone,
-Linear, Quadratic or Other.</p>
+<p>Right by class: objective Linear, Quadratic, a Sum of squares or Other; constraints Unconstrained
+(none), Bounds alone, Linear, Quadratic or Other.</p>
 {classes}
 <p>Performance profiles, as Dolan and Mor&eacute; have them: fraction of problems solved within so
 many times the cost of the best solver for each. Of those that a solver takes at all: one that takes
@@ -92,6 +96,7 @@ def write(records: Records, directory: str | Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     every, records = records, [r for r in records if not on_a_dial(r)] or records
     ran = [r for r in records if r["outcome"] != "absent"]
+    models = {profile.question_key(r) for r in records if r["problem"] in MODELS}
     tables = {tau: profile.evaluations_per_unknown(records, tau) for tau in profile.TAUS}
     data = [
         _figure(
@@ -107,6 +112,7 @@ def write(records: Records, directory: str | Path) -> Path:
         cells=len(records),
         solvers=len({r["solver"] for r in records}),
         problems=len({profile.question_key(r) for r in records}),
+        models=MODELS_TOLD.format(len(models)) if models else "",
         dates=_span(records, "date"),
         machines=_span(records, "machine"),
         packages=_span(records, "package"),
@@ -143,7 +149,7 @@ def _dials(records: Records, folder: Path) -> str:
 def _in_order(records: Records) -> Records:
     """Return the records problem by problem, the solvers with most right minima first."""
     right = tally(records, VERDICT_MODES[0])
-    place = {name: k for k, name in enumerate(FAMILIES)}
+    place = {name: k for k, name in enumerate((*FAMILIES, *MODELS))}
     seen = {where: k for k, where in enumerate(dict.fromkeys(map(profile.question_key, records)))}
     return sorted(
         records,
@@ -220,6 +226,8 @@ def _commands(records: Records) -> str:
         options += [f"--set {k}={v}" for k, v in r.get("parameters", {}).items()]
         if dial:
             options = [f"--dial '{dial}'"]
+        elif r["problem"] in MODELS:
+            options.insert(0, "--models")
         for name, value, usual in (
             ("repeats", r.get("repeats", REPEATS), REPEATS),
             ("seconds", r.get("allowed", LIMITS.seconds), LIMITS.seconds),
@@ -234,7 +242,7 @@ def _commands(records: Records) -> str:
         for solver, problems in by_solver.items():
             alike.setdefault(tuple(sorted(set(problems))), []).append(solver)
         for problems, names in alike.items():
-            every = set(problems) == set(FAMILIES)
+            every = set(problems) == set(MODELS if "--models" in options else FAMILIES)
             dialled = any(option.startswith("--dial") for option in options)
             chosen = [] if every or dialled else [f"--problem {name}" for name in problems]
             words = [*(f"--solver {name}" for name in names), *options, *chosen]
@@ -311,9 +319,11 @@ def _matrix(records: Records, mode: str) -> str:
     rows = []
     for where in dict.fromkeys(profile.question_key(r) for r in records):
         r = about.get(where, {})
-        family = FAMILIES.get(where[0])
+        tags = FAMILIES[where[0]].tags if where[0] in FAMILIES else ()
+        if where[0] in MODELS:
+            tags = member(where[0]).tags
         mesh = "" if where[1] is None else f"{where[1]} x {where[2]}"
-        f = f"{r['f_star']:.6g}" if "f_star" in r else ""
+        f = f"{r['f_star']:.6g}" if "f_star" in r else "infeasible" * bool(r.get("infeasible"))
         settings = ", ".join(f"{k} = {v}" for k, v in where[4:])
         name = f"{where[0]} ({settings})" if settings else where[0]
         facts = [
@@ -321,7 +331,7 @@ def _matrix(records: Records, mode: str) -> str:
             mesh,
             where[3] or "",
             f,
-            ", ".join(family.tags if family else ()),
+            ", ".join(tags),
         ]
         rows.append([name, *facts, *(found.get((where, solver), "") for solver in names)])
     return table(["problem", "class", "mesh", "start", "f*", "", *names], rows)

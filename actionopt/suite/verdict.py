@@ -119,11 +119,12 @@ def examine(problem: Member, x: Array, x0: Array) -> Evidence:
     at, off, point = None, None, None
     if distance <= SAME_POINT:
         at, off, point = "optimum", distance, problem.optimum
-    elif residual <= NEAR:
-        for other in problem.others:
+    else:
+        for other in problem.others:  # where it is degenerate, Newton's step tells nothing
             if (away := problem.distance(x, other.x)) <= SAME_POINT:
                 at, off, point = "other", away, other
-        if at is None and (point := problem.nearest(x, SAME_POINT)) is not None:
+        near = at is None and residual <= NEAR
+        if near and (point := problem.nearest(x, SAME_POINT)) is not None:
             at, off = "new", problem.distance(x, point.x)
     if point is None:
         return Evidence(**facts)
