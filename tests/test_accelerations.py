@@ -722,6 +722,7 @@ def test_conjugate_points_of_a_column_that_is_held_on_the_way():
     assert len(points) == path.morse_index
 
 
+@pytest.mark.slow
 def test_conjugate_points_of_a_beam_on_a_circle_are_those_of_its_angle():
     """L = (theta''^2 - w^2 theta'^2) / 2: a column again."""
     w = 7.0
