@@ -505,6 +505,11 @@ class Three:
         (lambda: ao.sweep(problem, {"t1": [1.0]}, keep_paths=np.zeros(0)), "keep_paths=True or"),
         (lambda: ao.trace(problem, "t1", 1.2, count=np.zeros(2)), "count=True or"),
         (lambda: ao.trace(problem, np.zeros(0), 1.2), "expected a name, or a tuple"),
+        (
+            lambda: ao.System.from_sympy(rate**2, [x], [rate], clock, force=free.symbols.q),
+            "sympy",
+        ),
+        (lambda: ao.System.from_sympy(rate**2, free.symbols.q, [rate], clock), "symbols of sympy"),
         (lambda: ao.Problem(free, problem.start, 1.0, integral=1.0), r"Event\(t, q\) as the end"),
     ],
 )

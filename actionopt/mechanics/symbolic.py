@@ -7,7 +7,7 @@ imports this module, and with it sympy, when it is asked for.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, reduce
@@ -204,8 +204,10 @@ def _row(given: Any) -> tuple[Any, ...]:
     """Return what is given, one expression or several in any sequence or matrix, as a tuple."""
     if isinstance(given, sympy.MatrixBase):
         return tuple(given.flat())
-    several = isinstance(given, Iterable) and getattr(given, "ndim", 1) > 0
-    return tuple(given) if several else (given,)
+    try:
+        return tuple(given)
+    except TypeError:  # one expression, or what has none, such as a matrix of CasADi's
+        return (given,)
 
 
 def _name(x: Any) -> str:
@@ -219,7 +221,7 @@ def _expression(x: Any, role: str) -> Any:
         found = sympy.sympify(x, strict=True)
     except Exception as error:  # of another package's objects it may be any
         raise ValueError(f"expected the {role} as an expression of sympy, found {x!r}") from error
-    if not isinstance(found, sympy.Expr) or found.has(sympy.I):
+    if not isinstance(found, sympy.Expr) or found.has(sympy.I, sympy.nan):
         raise ValueError(f"expected the {role} as a real expression of sympy, found {x!r}")
     return found
 
