@@ -59,7 +59,8 @@ def _dial(dial: Dial, records: Records, folder: Path) -> str:
         return ""
     solvers = list(dict.fromkeys(r["solver"] for r in mine))
     curves: dict[str, Any] = dict.fromkeys(dict.fromkeys(r["solver"] for r in records))
-    for solver in filter(is_counted, solvers):
+    sloped = any(r.get("evaluations", {}).get("grad") for r in mine)  # else nothing is drawn
+    for solver in filter(is_counted, solvers if sloped else ()):
         own = [r for r in mine if r["solver"] == solver and r["outcome"] == "answered"]
         own.sort(key=lambda r: dial.values.index(dial.value(r)))
         if own:
