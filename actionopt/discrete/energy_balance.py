@@ -333,8 +333,10 @@ def is_plain(at: DiscretePath, error: float, safety: float) -> bool:
     is between two panels; steps closer than samples change H without a reason, as the drift shows,
     which is to be within the `error`, `safety` times. Where that is not known the balance decides.
     """
-    tr, problem, batches = at.tr, at.problem, at.tr.between_nodes
-    structure, packed, N = problem.system.structure, problem.packed, tr.mesh.elements
+    tr, problem, structure = at.tr, at.problem, at.problem.system.structure
+    if structure.jumpless:
+        return True
+    batches, packed, N = tr.between_nodes, problem.packed, tr.mesh.elements
     if structure.forced or problem.through or tr.order > 1 or len(batches) > 1 or N < FEW_ELEMENTS:
         return False
     if tr.sides is not None or (problem.system.m and structure.depends_on_time):
