@@ -81,7 +81,7 @@ def test_a_named_azimuth_winds():
 @pytest.mark.parametrize(
     ("T", "revolutions", "options"),
     [
-        (3.0, 0, {"starts": 0, "shots": 2, "continuations": 0}),
+        (3.0, 0, {"starts": 0, "shots": 4, "continuations": 0}),
         pytest.param(10.0, 1, {}, marks=pytest.mark.slow),
         pytest.param(16.0, 2, {}, marks=pytest.mark.slow),
         pytest.param(22.0, 3, {}, marks=pytest.mark.slow),
