@@ -114,7 +114,8 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     try:
         for k, group in enumerate(starts(problem, guess, choices)):
             for start in group:
-                last = solve_free_boundary(problem, start, choices)
+                keep = guess is not None and problem.closes
+                last = solve_free_boundary(problem, start, choices, keep=keep)
                 if problem.on_surface and guess is None:
                     last = replace(last[0], stats=last[0].stats | {"rung": "surface"}), last[1]
                 yield last

@@ -499,11 +499,13 @@ def _by_ipopt(problem: Problem, path: Path, choices: Choices) -> Path:
     return between(given, path, replace(choices, mesh=None), verdict=False)[0].path
 
 
-def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+def solve_free_boundary(
+    problem: Problem, guess: Guess | None, choices: Choices, *, keep: bool = False
+) -> Found:
     """Return the path of a problem whose duration is free or whose paths close, and the verdict.
 
     Unless what is near the guess is all that is asked for, also on a mesh that represents the guess
-    better, and by damped steps.
+    better, and by damped steps. Where the guess may be an answer already it is asked to `keep` it.
     """
     started, tol, watch = perf_counter(), choices.tol, choices.watch
     thorough = choices.strategies is not GUESS_ONLY
@@ -541,7 +543,7 @@ def solve_free_boundary(problem: Problem, guess: Guess | None, choices: Choices)
 
     try:
         kept = None
-        if thorough and guess is not None and problem.closes and choices.strategies is not IPOPT:
+        if keep and thorough and guess is not None and choices.strategies is not IPOPT:
             kept = run.keep_member(guess)
         if kept is not None:
             status, run.found_by = kept, "guess"
