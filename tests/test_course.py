@@ -1,10 +1,8 @@
 """The course: short pages, answers that are computed, notebooks that run."""
 
-import io
 import json
 import re
-from contextlib import redirect_stdout
-from functools import cache
+from base64 import b64decode
 
 import numpy as np
 import pytest
@@ -12,9 +10,13 @@ from scipy.optimize import brentq
 
 from actionopt import scenes
 from actionopt.cli import main
-from actionopt.gallery.course import pictures
+from actionopt.gallery.builder import common_files
+from actionopt.gallery.course import pictures, plan
+from actionopt.gallery.course.lesson import MINUTES, results
 from actionopt.gallery.course.lessons import BY_NAME, LESSONS
 from actionopt.gallery.course.notebook import exercise
+from actionopt.gallery.course.sheets import solution, worksheet
+from actionopt.tools.words import SPOKEN, language
 
 # What each program must find, by formulas of its own: (lesson, exercise): name, value, error.
 G = 9.81
@@ -71,11 +73,9 @@ KNOWN = {
 }  # fmt: skip
 
 
-@cache
 def found(lesson, k):
     """Return what a program leaves."""
-    with redirect_stdout(io.StringIO()):
-        return BY_NAME[lesson].exercises[k].run()
+    return results(BY_NAME[lesson].exercises[k])[0]
 
 
 @pytest.mark.slow
@@ -104,6 +104,32 @@ def test_what_the_answers_say_besides_is_so():
     assert found("push", 0)["parts"] > 1
     one, two = (abs(found("symmetry", 1)[k]) for k in ("one", "two"))
     assert min(one, two) > 0.1
+
+
+def test_every_lesson_has_its_minutes_on_a_day_of_two_weeks():
+    assert all(sum(lesson.minutes) == MINUTES == 45 for lesson in LESSONS)
+    days = [plan.day(k) for k in range(len(LESSONS))]
+    assert days == sorted(days) and set(days) == set(range(1, 11))
+    assert max(map(days.count, days)) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lang", SPOKEN)
+def test_worksheets_and_solutions_are_a_side_of_a4_each(lang, chromium, tmp_path):
+    (tmp_path / "course").mkdir()
+    for name, content in common_files().items():
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    with language(lang):
+        written = [make(k) for k in range(len(LESSONS)) for make in (worksheet, solution)]
+    for text in written:
+        file = tmp_path / "course" / "sheet.html"
+        file.write_text(text, encoding="utf-8")
+        chromium.open(file)
+        pdf = b64decode(chromium.order("Page.printToPDF", preferCSSPageSize=True)["data"])
+        sides = re.findall(rb"/Type\s*/Page\b[^>]*?/MediaBox\s*\[(.*?)\]", pdf)
+        width, height = map(float, sides[0].split()[2:])
+        assert len(re.findall(rb"/Type\s*/Page\b", pdf)) == 1, text[:300]
+        assert (width, height) == pytest.approx((595.3, 841.9), abs=0.5)  # points
 
 
 def test_the_fastest_slide_is_a_cycloid():

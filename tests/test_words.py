@@ -14,7 +14,7 @@ from matplotlib.text import Text
 import actionopt
 from actionopt import plot, scenes, solve
 from actionopt.gallery import figures, scene_page
-from actionopt.gallery.course import pages
+from actionopt.gallery.course import pages, plan
 from actionopt.gallery.course.demonstrations import DEMONSTRATIONS
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.course.notebook import ON_PAGE
@@ -41,7 +41,7 @@ def said():
     found |= {
         *film.CONTROL_WORDS.values(),
         *film.SPEEDS.values(),
-        *pages.LESSON_PARTS,
+        *plan.LESSON_PARTS,
         *pages.MARKS.values(),
         pages.UNREAD,
         scene_page.LIVE,
@@ -56,8 +56,9 @@ def said():
     found |= {*PAGE_WORDS.values(), *(text for said in VERDICTS.values() for text in said)}
     story = PARAGRAPH.finditer(TEMPLATE.read_text(encoding="utf-8"))
     found |= {" ".join(paragraph[3].split()) for paragraph in story}
+    found |= {title for title, _ in pages.OTHERS.values()}
     for lesson in LESSONS:
-        found |= {lesson.title, lesson.idea, lesson.trap}
+        found |= {lesson.title, lesson.idea, lesson.watch, lesson.wrong, lesson.trap}
         found |= {*lesson.predict, *lesson.attempt, *lesson.observe, *lesson.explain}
         found |= {words for words, _ in lesson.steps}
         found |= {text for e in lesson.exercises for text in (e.question, e.answer, e.label)}

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 
@@ -31,11 +34,17 @@ class Exercise:
     unit: str = ""
     label: str = "Your number"
 
-    def run(self) -> dict[str, Any]:
-        """Return the names that the program leaves."""
-        names: dict[str, Any] = {}
-        exec(compile(self.program, "<exercise>", "exec"), names)
-        return names
+
+@cache
+def results(exercise: Exercise) -> tuple[dict[str, Any], str]:
+    """Return the names that the program of an exercise leaves, and what it prints."""
+    names: dict[str, Any] = {}
+    with redirect_stdout(io.StringIO()) as output:
+        exec(compile(exercise.program, "<exercise>", "exec"), names)
+    return names, output.getvalue()
+
+
+MINUTES = 45  # of a lesson at school
 
 
 @dataclass(frozen=True)
@@ -46,7 +55,7 @@ class Lesson:
     ----------
     name, title, idea : str
     minutes : (int, int, int, int)
-        For predicting, trying, explaining and the exercises.
+        For predicting, trying, explaining and the exercises: MINUTES together.
     predict, explain : tuple of str
         Paragraphs.
     steps : tuple of (str, str)
@@ -62,8 +71,8 @@ class Lesson:
         Paragraphs on what to try with the path, and with the figure.
     scenes : tuple of str
         Pages to open.
-    trap : str
-        What is often thought wrongly, for the teacher.
+    watch, wrong, trap : str
+        For the teacher: what to watch, usual wrong answers to the prediction, what to say.
     exercises : tuple of Exercise
     """
 
@@ -73,6 +82,8 @@ class Lesson:
     idea: str
     predict: tuple[str, ...]
     explain: tuple[str, ...]
+    watch: str
+    wrong: str
     trap: str
     exercises: tuple[Exercise, ...]
     attempt: tuple[str, ...] = ()

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from contextlib import redirect_stdout
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from actionopt.gallery.course.experiments import EXPERIMENTS
-from actionopt.gallery.course.lesson import Lesson
+from actionopt.gallery.course.lesson import Lesson, results
 from actionopt.gallery.course.lessons import BY_NAME
 from actionopt.mechanics.tracing import suggestion
 from actionopt.tools.files import write
@@ -63,8 +61,7 @@ def notebook(lesson: Lesson, answers: bool) -> dict[str, Any]:
     for k, given in enumerate(lesson.exercises, 1):
         cells.append(_words(f"## {say('Exercise {k}', k=k)}\n\n{say(given.question)}"))
         if answers:
-            with redirect_stdout(StringIO()):
-                found = given.run()
+            found, _ = results(given)
             cells += [_program(given.program), _words(say(given.answer).format(**found))]
         else:
             cells.append(_program("import numpy as np\n\nimport actionopt as ao\n"))

@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Sequence
-from contextlib import redirect_stdout
 
 from actionopt import scenes
-from actionopt.gallery.course import demonstrations
+from actionopt.gallery.course import demonstrations, plan, sheets
 from actionopt.gallery.course.experiments import EXPERIMENTS
-from actionopt.gallery.course.lesson import Exercise, Lesson
+from actionopt.gallery.course.lesson import Exercise, Lesson, results
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.course.pictures import pictures
+from actionopt.gallery.course.spoken import answer, explanation, paragraphs, translate
 from actionopt.gallery.figures import Figure
-from actionopt.gallery.page import Page, escape, frame, table, typeset
+from actionopt.gallery.page import Page, escape, frame, typeset
 from actionopt.plot import SI
 from actionopt.plot._names import units_of
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
-from actionopt.tools.formula import formula
-from actionopt.tools.mathml import mathml
 from actionopt.tools.words import number, say
 
-LESSON_PARTS = ("Predict", "Try", "Explain", "Exercises")
+OTHERS = {  # pages beside the lessons: titles, and what makes them
+    "plan": ("Two weeks: plan and notes for teachers", plan.page),
+}
 
 
 def course() -> Page:
     """Return all pages of the course as the files of one."""
     files = {"course.html": _contents()}
+    files |= {f"course/{name}.html": page(title) for name, (title, page) in OTHERS.items()}
     for k, lesson in enumerate(LESSONS):
+        files[f"course/{lesson.name}-worksheet.html"] = sheets.worksheet(k)
+        files[f"course/{lesson.name}-solution.html"] = sheets.solution(k)
         drawn = pictures(lesson.name)
         files[f"course/{lesson.name}.html"] = _lesson(k, drawn)
         for figure_ in drawn:
@@ -39,9 +41,13 @@ def course() -> Page:
 
 def _contents() -> str:
     rows = "".join(
-        f'<li><a href="course/{lesson.name}.html">{_translate(lesson.title)}</a>'
-        f"<p>{_translate(lesson.idea)}</p></li>"
+        f'<li><a href="course/{lesson.name}.html">{translate(lesson.title)}</a>'
+        f"<p>{translate(lesson.idea)}</p></li>"
         for lesson in LESSONS
+    )
+    others = "".join(
+        f'<li><a href="course/{name}.html">{say(title)}</a></li>'
+        for name, (title, _) in OTHERS.items()
     )
     lead = say(
         "{count} short lessons on the principle of stationary action, for those who know Newton's "
@@ -49,40 +55,12 @@ def _contents() -> str:
         "answers.",
         count=len(LESSONS),
     )
-    notebooks = say(
-        "As notebooks, one to work in and one with answers, they come by the command below."
-    )
     main = f"""<article><header class="title"><h1>{say("A course")}</h1>
 <p class="lead">{typeset(lead)}</p></header>
+<ul class="others">{others}</ul>
 <ol class="lessons">{rows}</ol>
-<section><h2>{say("For teachers")}</h2>
-<p>{notebooks}</p>
-<pre class="program"><code>actionopt exercise {LESSONS[0].name}</code></pre>
-{_minutes()}
-{_traps()}
-</section></article>"""
+</article>"""
     return frame(say("A course"), main, root="", description=lead)
-
-
-def _minutes() -> str:
-    """Return the teacher's sheet: the minutes of each part."""
-    rows = [
-        (
-            f'<a href="course/{lesson.name}.html">{_translate(lesson.title)}</a>',
-            *map(str, lesson.minutes),
-            str(sum(lesson.minutes)),
-        )
-        for lesson in LESSONS
-    ]
-    head = ("", *map(say, LESSON_PARTS), say("together"))
-    return table(say("Minutes"), head, rows, kind="numbers")
-
-
-def _traps() -> str:
-    rows = [(_translate(lesson.title), _translate(lesson.trap)) for lesson in LESSONS]
-    title = say("What is often thought wrongly, and what to say")
-    body = "".join(f"<dt>{name}</dt><dd>{trap}</dd>" for name, trap in rows)
-    return f"<h3>{title}</h3><dl>{body}</dl>"
 
 
 def _lesson(k: int, drawn: Sequence[Figure]) -> str:
@@ -92,20 +70,20 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
     widget = _live(lesson) if lesson.explorer else ""
     own = demonstrations.DEMONSTRATIONS.get(lesson.figure)
     if own is not None:
-        widget += _prose(lesson.observe) + own.html(lesson.figure)
+        widget += paragraphs(lesson.observe) + own.html(lesson.figure)
     shown = "".join(f"<figure>{x.html()}" for x in drawn)
     count = say("Lesson {k} of {count}", k=k + 1, count=len(LESSONS))
     minutes = say("{m} minutes", m=sum(lesson.minutes))
     main = f"""<article class="lesson">
 <header class="title"><p class="crumb"><a href="../course.html">{say("The course")}</a> &middot;
 {count} &middot; {minutes}</p>
-<h1>{_translate(lesson.title)}</h1>
-<p class="lead">{_translate(lesson.idea)}</p></header>
-<section><h2>{say("Predict")}</h2>{_prose(lesson.predict)}</section>
-<section><h2>{say("Try")}</h2>{_prose(lesson.attempt)}{widget}{_links(lesson)}</section>
-<section><h2>{say("Explain")}</h2>{_explanation(lesson)}{shown}</section>
+<h1>{translate(lesson.title)}</h1>
+<p class="lead">{translate(lesson.idea)}</p></header>
+<section><h2>{say("Predict")}</h2>{paragraphs(lesson.predict)}</section>
+<section><h2>{say("Try")}</h2>{paragraphs(lesson.attempt)}{widget}{_links(lesson)}</section>
+<section><h2>{say("Explain")}</h2>{explanation(lesson)}{shown}</section>
 <section><h2>{say("Exercises")}</h2>{exercises}
-<pre class="program"><code>actionopt exercise {lesson.name}</code></pre></section>
+<p>{_sheets(lesson)}</p></section>
 {_turn(k)}
 </article>"""
     scripts = ["film.js", *SCRIPTS, *demonstrations.FIGURE_SCRIPTS, "guess.js"]
@@ -143,7 +121,6 @@ MARKS = {  # what is said of a number that was typed in
     "given": "It is {x}.",
 }
 UNREAD = "Type a number, such as {x}."
-NO_VECTORS = ("r", "v", "v1", "v2", "Q")  # names of formulas that are no vectors here
 EXAMPLE = 0.25  # of a number that can be typed
 
 
@@ -162,40 +139,27 @@ data-words="{escape(json.dumps(words))}" hidden><label>{typeset(say(exercise.lab
 
 
 def _exercise(k: int, exercise: Exercise) -> str:
-    with redirect_stdout(io.StringIO()) as output:
-        found = exercise.run()
-    answer = typeset(say(exercise.answer).format(**found))
+    found, output = results(exercise)
     shown = "".join(
         f'<pre class="{kind}" tabindex="0" role="region" aria-label="{say(label)} {k}">'
         f"<code>{escape(text.rstrip())}</code></pre>"
         for kind, label, text in (
             ("program", "Program", exercise.program),
-            ("output", "Output", output.getvalue()),
+            ("output", "Output", output),
         )
     )
     return (
-        f'<div class="exercise"><p><b>{k}.</b> {_translate(exercise.question)}</p>'
+        f'<div class="exercise"><p><b>{k}.</b> {translate(exercise.question)}</p>'
         f"{_guess(k, exercise, float(found[exercise.asked]))}"
-        f'<details class="answer"><summary>{say("Answer")}</summary><p>{answer}</p>{shown}'
+        f'<details class="answer"><summary>{say("Answer")}</summary>'
+        f"<p>{answer(exercise)}</p>{shown}"
         "</details></div>"
     )
 
 
-def _explanation(lesson: Lesson) -> str:
-    """Return what explains: its first paragraph, the derivation if there is one, and the rest."""
-    first, *rest = lesson.explain
-    lines = "".join(
-        f"<li><span>{_translate(words)}</span>"
-        f'<div class="formula" tabindex="0">{mathml(formula(text), NO_VECTORS)}</div></li>'
-        for words, text in lesson.steps
-    )
-    steps = f'<ol class="steps">{lines}</ol>' if lines else ""
-    return _prose((first,)) + steps + _prose(tuple(rest))
-
-
 def _links(lesson: Lesson) -> str:
     rows = [
-        f'<li><a href="../{name}/index.html">{_translate(scenes.title(name))}</a></li>'
+        f'<li><a href="../{name}/index.html">{translate(scenes.title(name))}</a></li>'
         for name in lesson.scenes
     ]
     if lesson.name in ("least", "sum"):
@@ -203,19 +167,21 @@ def _links(lesson: Lesson) -> str:
     return f"<p>{say('Pages to open:')}</p><ul>{''.join(rows)}</ul>" if rows else ""
 
 
+def _sheets(lesson: Lesson) -> str:
+    """Return links to what is printed of a lesson, and to its note for teachers."""
+    links = (
+        (f"{lesson.name}-worksheet.html", say("Worksheet")),
+        (f"{lesson.name}-solution.html", say("Solution")),
+        (f"plan.html#{lesson.name}", say("Note for teachers")),
+    )
+    return " &middot; ".join(f'<a href="{href}">{text}</a>' for href, text in links)
+
+
 def _turn(k: int) -> str:
     """Return links to the lessons before and after."""
     links = []
     for at, name in ((k - 1, "Before: {title}"), (k + 1, "Next: {title}")):
         if 0 <= at < len(LESSONS):
-            text = say(name, title=_translate(LESSONS[at].title))
+            text = say(name, title=translate(LESSONS[at].title))
             links.append(f'<a href="{LESSONS[at].name}.html">{text}</a>')
     return f'<nav class="turn" aria-label="{say("Lessons")}">{"".join(links)}</nav>'
-
-
-def _translate(text: str) -> str:
-    return typeset(say(text))
-
-
-def _prose(paragraphs: tuple[str, ...]) -> str:
-    return "".join(f"<p>{_translate(text)}</p>" for text in paragraphs)

@@ -5,7 +5,7 @@ from actionopt.gallery.course.lesson import Exercise, Lesson
 PUSH = Lesson(
     "push",
     "Constraints push",
-    (5, 10, 15, 20),
+    (5, 10, 15, 15),
     "What keeps a bead on its wire is a force. Compare only paths that keep to the wire, and the "
     "force comes out as a multiplier.",
     predict=(
@@ -44,6 +44,10 @@ PUSH = Lesson(
         ("The path may be kept, to first order, so for each second", "dL2/depsilon = -lamda"),
     ),
     figure="rod",
+    watch="The sign: which way does the arrow point at the top of a swing, and which at the "
+    "bottom?",
+    wrong="The rod pulls with the weight, since the bob neither rises nor falls at the lowest "
+    "point.",
     trap="A force of constraint is not given beforehand: it is found together with the motion.",
     scenes=("rod_pendulum", "polar_pendulum", "sliding_off_circle", "turning_wire"),
     explorer="rod_pendulum",
@@ -149,6 +153,9 @@ SYMMETRY = Lesson(
         ("So the momentum at the end is that at the start:", "p_1 = p_0"),
     ),
     figure="noether",
+    watch="The two steps of the shifted middle: let them say in words what each end adds.",
+    wrong="All momenta are conserved if there is no friction; or what stays constant once is "
+    "conserved.",
     trap="Constant on one motion is not conserved: conserved is what a symmetry keeps on all.",
     scenes=("projectile", "kepler_polar", "screw", "inverted_cone"),
     explorer="projectile",

@@ -24,6 +24,8 @@ LEAST_OR_NOT = Lesson(
         "The action is never a maximum: a path with fast wiggles always costs more, for the "
         "kinetic energy grows with the square of their frequency.",
     ),
+    watch="Watch the same bend on both sides of half a period, and keep its size.",
+    wrong="It is always least, as the name says; or past the focus it is greatest.",
     trap="Not a maximum: past a focus it is a saddle, with finitely many ways down.",
     explorer="oscillator",
     parts=("bend", "wave"),
@@ -111,6 +113,8 @@ STRING = Lesson(
         ("What it costs:", "S_n = T s_n a^2 / 4, with s_n = m (n pi / T)^2 - k"),
         ("Its stiffness is zero after n half periods:", "T_n = n pi sqrt(m / k)"),
     ),
+    watch="Ask for the index before the sentence below the figure is read.",
+    wrong="It breaks where the springs pull most, all shapes at once.",
     trap="A soft shape does not make the motion unstable: it tells of paths that are compared, not "
     "of what the mass does next.",
     figure="string",
@@ -183,6 +187,8 @@ PHASE = Lesson(
         ("The line of starts has at the time t the direction", "dq/dp_0 = sin t"),
         ("so that it stands upright at 0, half a period, a whole one:", "sin t = 0"),
     ),
+    watch="Draw the line of starts in both pictures at one moment, and match two points of it.",
+    wrong="Two motions cross where they are at one place, also in the plane of q and p.",
     trap="Curves that cross when q is drawn against time do not cross in the plane of q and p.",
     figure="phase",
     scenes=("oscillator", "pendulum"),

@@ -31,6 +31,8 @@ T_MINUS_V = Lesson(
         "on "
         "which its own clock goes furthest ahead.",
     ),
+    watch="Ask which way the arc bends at s = 1/2, before they slide on.",
+    wrong="T - V is the energy that is left; or with T + V nothing changes but the sign of S.",
     trap="T - V is not conserved and is not an energy that the body has.",
     scenes=("projectile", "oscillator"),
     explorer="minus",
@@ -123,6 +125,8 @@ GAUGE = Lesson(
         ("Summed over the time, with the ends 0 and T:", "S2 = S1 + F(x(T),T) - F(x(0),0)"),
         ("Bend the path, its ends kept: what F adds is the same as before.", "dS2/da = dS1/da"),
     ),
+    watch="Read S of two paths before and after, and compare the differences only.",
+    wrong="By a constant alone; or any term may be added that has the right unit.",
     trap="Another S is not another physics: only differences between paths count.",
     figure="gauge",
     scenes=("oscillator_gauge", "charge_gauge"),
@@ -210,6 +214,9 @@ SLOPES = Lesson(
         ("Its slope with p, by the product rule:", "dH/dp = v + p dv/dp - dL/dv dv/dp"),
         ("The last two terms cancel, since p is the slope of L:", "dH/dp = v"),
     ),
+    watch="Twice T holds for slow bodies alone: take the fast one before they write it down as a "
+    "rule.",
+    wrong="H is T + V by definition, and p is m v.",
     trap="The momentum is not always m v: it is what L says.",
     figure="legendre",
     scenes=("charge_planar",),

@@ -28,6 +28,10 @@ HUNT = Lesson(
         "For the ball this path is the parabola that Newton's law gives. Nobody told the hunt "
         "about forces: it only compared numbers of whole paths.",
     ),
+    watch="Do all write down a guess before they drag? Ask for the best S of each group, and for "
+    "its height halfway.",
+    wrong="The straight line, because it is shortest; or the lowest arc, because it needs least "
+    "energy.",
     trap="S belongs to the whole path, not to a moment; and both ends are fixed, time included.",
     explorer="projectile",
     parts=("hunt", "lagrangian"),
@@ -112,6 +116,8 @@ FIRST_ORDER = Lesson(
         "So one need not try all paths. It is enough that all small bends change S to first order "
         "by nothing. The condition is called delta S = 0.",
     ),
+    watch="Let them divide the change by the square of the bend, and see that the quotient stays.",
+    wrong="Twice the bend, twice the change: so it is where S has a slope, and nowhere else.",
     trap="Stationary is not least. The next order tells, and it can have either sign.",
     explorer="projectile",
     parts=("half", "bend"),
@@ -189,7 +195,7 @@ print(change, "J s")
 LOCAL = Lesson(
     "local",
     "From the whole path to Newton",
-    (5, 10, 15, 20),
+    (5, 10, 15, 15),
     "If S of the whole path is stationary, so is S of each short piece. Of three neighbouring "
     "points the middle one obeys Newton's law.",
     predict=(
@@ -243,6 +249,9 @@ LOCAL = Lesson(
             "d/dt (dL/dv) = dL/dx",
         ),
     ),
+    watch="Those who pull one handle only find its arrow back after the next one: go round "
+    "several times.",
+    wrong="The ball tries out all paths and takes the best; or it must know its end beforehand.",
     trap="The principle does not say that nature looks ahead. It is a law about pieces, in "
     "disguise.",
     scenes=("pendulum", "projectile"),

@@ -5,7 +5,7 @@ from actionopt.gallery.course.lesson import Exercise, Lesson
 SUM = Lesson(
     "sum",
     "The sum over paths",
-    (5, 10, 15, 20),
+    (5, 10, 15, 15),
     "Why should nature care about a stationary number? In quantum mechanics all paths count, each "
     "with an arrow that turns with S. Only near a stationary path do the arrows agree.",
     predict=(
@@ -39,6 +39,9 @@ SUM = Lesson(
         "way down.",
     ),
     figure="bends",
+    watch="Make hbar smaller in steps, and ask which arrows are still needed.",
+    wrong="The sum of a thousand arrows is a thousand long; or all of them cancel, and nothing is "
+    "left.",
     trap="The particle does not choose one of the paths: all of them count.",
     scenes=("oscillator",),
     explorer="oscillator",
@@ -127,6 +130,8 @@ SLITS = Lesson(
         ("A whole turn more, from bright to bright:", "m y d / T = 2 pi hbar"),
         ("So the bands are apart by", "y = 2 pi hbar T / (m d)"),
     ),
+    watch="Close one slit at a dark place, and let them say what happened to the arrows.",
+    wrong="More open slits, more light everywhere.",
     trap="The question is not which slit it took: every way has its arrow.",
     figure="slits",
     exercises=(

@@ -5,7 +5,7 @@ from actionopt.gallery.course.lesson import Exercise, Lesson
 LIGHT = Lesson(
     "light",
     "Light first",
-    (5, 5, 20, 25),
+    (5, 5, 15, 20),
     "The same calculus finds the way of light, the fastest slide and the form of a soap film. "
     "Time, "
     "or an area, takes the place of the action.",
@@ -39,6 +39,8 @@ LIGHT = Lesson(
         "ray in a hollow mirror can be the slowest of those with one reflection. Among all ways it "
         "is a saddle: a detour makes it slower still.",
     ),
+    watch="Let them solve from both guesses, and ask which of the two rays is the shorter in time.",
+    wrong="Straight on; or to the point straight below the swimmer, so as to swim least.",
     trap="Fermat's principle too says stationary: light does not look for the fastest way.",
     explorer="mirage",
     exercises=(
@@ -136,6 +138,8 @@ STONES = Lesson(
         ("The highest that any throw reaches above x, where dy/db = 0:", "b = 2 E / (g x)"),
         ("Put in: the safety parabola.", "y = E / g - g x^2 / (4 E)"),
     ),
+    watch="On the safety parabola both throws become one: let them find that place slowly.",
+    wrong="Every target that is near enough can be hit in two ways; or 45 degrees is always best.",
     trap="Only the ways agree. A stone is fast where n is large, light is slow there.",
     figure="optics",
     scenes=("throw_at_energy", "kepler_at_energy"),
