@@ -59,8 +59,26 @@ def test_below_the_energy_that_is_needed_a_sentence():
     assert ao.solve(throw(least + 0.01)).success
     with pytest.raises(ao.SolveError, match=f"lowest energy is that over .*, {least:.6g}"):
         ao.solve(throw(least - 0.5))
-    with pytest.raises(ao.SolveError, match="two paths merge"):
+    with pytest.raises(ao.SolveError, match="two paths merge") as merged:
         ao.solve(throw(least))
+    # the two durations are one where g T^2 / 2 is the distance
+    assert merged.value.solution.duration == pytest.approx(np.sqrt(2 * np.sqrt(17.0) / G), rel=1e-6)
+    with pytest.raises(ao.SolveError, match=r"lowest energy is .*, above the one given by 1e-06"):
+        ao.solve(throw(least - 1e-6))
+
+
+def test_the_path_told_degenerate_is_the_one_that_was_found():
+    # Between antipodes of a sphere: half a great circle, of length pi. What is tried after it has
+    # been found ends elsewhere.
+    sphere = ao.System(
+        lambda q, v, t: (v[0] ** 2 + np.sin(q[0]) ** 2 * v[1] ** 2) / 2, ["theta", "phi"]
+    )
+    theta, phi, energy = 0.9040445, 0.3840642, 0.25189146
+    end = ao.Event(None, [np.pi - theta, phi + np.pi])
+    problem = ao.Problem(sphere, ao.Event(0.0, [theta, phi]), end, energy=energy)
+    found = ao.solve(problem, throw=False)
+    assert (found.status, found.stats["nullity"]) == (ao.Status.DEGENERATE, 1)
+    assert found.duration == pytest.approx(np.pi / np.sqrt(2 * energy), rel=1e-6)
 
 
 def test_no_lowest_energy_is_claimed_where_lower_ones_were_lost():

@@ -41,7 +41,7 @@ from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, coordinate_scales
 from actionopt.solver.refine import ROUNDS
 from actionopt.solver.workspace import ROUGHLY
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import Watch
 
 # Ad hoc.
@@ -51,6 +51,7 @@ SCANNED = 9  # durations either way, each the root of two times the next, that a
 TRIED_DURATIONS = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
 PARABOLAS = 12  # steps to the least energy of paths over given durations
 BELOW_LOWEST = 0.9  # of the duration of the lowest path
+ENERGY_ROUNDOFF = 1e3 * EPS  # of an energy; measured, 40 eps on throws and transfers
 # Half lengths of its first and last element, from their middles, that a motion is carried on; parts
 # of its duration that are cut off at most; steps to where it passes a place.
 AHEAD, DURATION_CUT, DURATION_CUTS = 3.0, 0.4, 6
@@ -68,8 +69,8 @@ class FirstPaths:
         Of the search for which they are.
     hint : str
         What to add to the verdict: how low the energy gets.
-    merged : bool
-        Whether two paths are one at the energy.
+    merged : DiscretePath or None
+        The path that two paths are at the energy, if they are one there.
     refused : ValueError or None
         Why the first question over a given duration was no question, if one was not.
     blocked : str
@@ -84,7 +85,7 @@ class FirstPaths:
     tol: float
     watch: Watch | None = None
     hint: str = ""
-    merged: bool = False
+    merged: DiscretePath | None = None
     refused: ValueError | None = None
     blocked: str = ""
     lost: list[float] = field(default_factory=list)
@@ -204,19 +205,22 @@ class FirstPaths:
             aside = self._over(BELOW_LOWEST * low.mesh.duration, low)
             if aside is not None:
                 yield aside
-        excess, T = self.excess(self._sharp(low)), low.mesh.duration
+        low = self._sharp(low)
+        excess, T = self.excess(low), low.mesh.duration
         energy = float(self.problem.energy or 0)
         tried = [at.mesh.duration for at in seen]
+        # Of half of the paths; those in the shortest durations have any energy.
+        size = max(float(np.median(np.abs([self.excess(at) - excess for at in seen]))), abs(energy))
+        known = max(ENERGY_ROUNDOFF, self.tol**2) * size  # the error is the square of a path's
         self.hint = self.blocked
-        if min(tried) < T < max(tried):  # elsewhere lower ones may have been lost
+        if excess < 0 and min(tried) < T < max(tried):  # elsewhere lower ones may have been lost
             self.hint = (self.blocked and f"{self.blocked}; ") + (
                 f"of the paths over {len(seen)} durations from {min(tried):.3g} to "
                 f"{max(tried):.3g} that were found, the lowest energy is that over {T:.6g}, "
-                f"{energy - excess:.6g}"
+                f"{energy - excess:.6g}, above the one given by {-excess:.2g}"
             )
-        spread = max(float(np.ptp([self.excess(at) for at in seen])), abs(energy))
-        self.merged = not crossed and abs(excess) < MERGED * spread
-        if self.merged:
+        if not crossed and abs(excess) <= known:
+            self.merged = low
             self.hint = (
                 f"the energy is the least of a path to there, that over {T:.6g}: two paths merge, "
                 "and their duration is determined to half the digits; give a little more energy"

@@ -512,7 +512,7 @@ def solve_free_boundary(
     run, first = Unfixed(problem, tol=tol, watch=watch), FirstPaths(problem, tol, watch)
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
-    status, known = Status.NOT_FOUND, False
+    status, known, judged = Status.NOT_FOUND, False, None
     barrier = explain_barrier(problem)
 
     def tries() -> Iterator[tuple[Path, Array | None, str, bool]]:
@@ -529,7 +529,7 @@ def solve_free_boundary(
             return
         # Of one coordinate every motion takes the straight line.
         shut = bool(first.blocked) and problem.system.n == 1
-        if guess is not None or problem.on_surface or first.merged or shut:
+        if guess is not None or problem.on_surface or first.merged is not None or shut:
             return
         way = np.abs(np.diff(straight(problem)[[0, -1]], axis=0)[0])
         size, near = np.maximum(over(problem, 1.0).scales, way), not can_depart(problem)
@@ -554,9 +554,12 @@ def solve_free_boundary(
                 continue
             run.found_by = how
             status = run.verdict()
+            judged = run.iterate, run.hint
             known = bool(np.isfinite(run.here.error)) or run.unbalance is not None
             if status.stationary or status is Status.JUMP:
                 break
+        if judged is not None:  # what was tried since has no verdict
+            run.iterate, run.hint = judged
         near = guess if problem.closes else first.of_family
         if near is not None and not (status.success or status is Status.JUMP):
             status = run.in_family(near, thorough=thorough) or status
@@ -571,9 +574,9 @@ def solve_free_boundary(
             raise first.refused
         run.checked = True
         run.ensure_iterate()
-    merged = first.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED)
-    if merged:
-        status = Status.DEGENERATE
+    merged = status in (Status.NOT_FOUND, Status.UNRESOLVED) and first.merged is not None
+    if first.merged is not None and merged:
+        run.here, status = run._around(first.merged.path, first.merged.rows), Status.DEGENERATE
     here = run.here
     here.tr.watch = here.bordered.first.watch = None  # a verdict is not left half done
     solution = solution_of(run, status, run.found_by, started)
