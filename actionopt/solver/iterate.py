@@ -17,6 +17,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import shares
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
@@ -25,7 +26,7 @@ from actionopt.discrete.newton import Followed
 from actionopt.discrete.resolution import Resolution, resolution
 from actionopt.mechanics.laws import Structure
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.scales import NEGLIGIBLE
+from actionopt.mechanics.scales import NEGLIGIBLE, diagonal
 from actionopt.tools.types import Array
 
 # Ad hoc, in parts of the time: elements that only singularities need, and that they need first.
@@ -252,9 +253,17 @@ class Iterate(DiscretePath):
         return here.with_error(here.gain, max(here.noise, noise))
 
     def momentum(self, x: Array) -> Array:
-        """Return the momentum (size,) of a variation (unknowns,), as `equations` have it."""
-        found = np.zeros(self.equations.layout.size)
-        found[: x.size] = self.tr.momentum(x)
+        """Return the momentum (size,) of a variation (unknowns,), as `equations` have it.
+
+        Where a constant is a variation, with what is as large for one, which has no rates: the path
+        may be a rest, and one of a family of them.
+        """
+        tr, found = self.tr, np.zeros(self.equations.layout.size)
+        found[: x.size] = tr.momentum(x)
+        if max(len(event.pinned) for event in self.problem.joints) < self.problem.system.n:
+            mass = diagonal(self.problem.system, 2, tr.inertia[None])[0]
+            unit = tr.x_unit**2 / (tr.action_unit * tr.mesh.duration ** (2 * tr.order - 1))
+            found[: x.size] += shares(tr) * mass[tr.layout.free % mass.size] * unit * x
         return found
 
     @property
