@@ -130,6 +130,7 @@ def test_pages_of_the_course_are_short_and_say_everything(gallery):
         assert 200 < len(words.split()) < 900, lesson.name
         assert html.count("<details") == len(lesson.exercises) >= 2
         assert html.count("<math") == len(lesson.steps)
+        assert f'href="{lesson.name}.html?projector"' in html
         assert bool(lesson.explorer) == bool(lesson.attempt)
         assert bool(lesson.figure) == bool(lesson.observe)
         assert lesson.figure or lesson.explorer
@@ -740,11 +741,18 @@ def test_slides_are_a_section_a_screen(gallery, chromium):
     assert min(chromium.run(heights)) >= 720
 
 
-def test_embedded_a_page_is_its_live_figure_alone(gallery, chromium):
-    file = gallery / "rod_pendulum" / "index.html"
+@pytest.mark.parametrize(
+    ("page", "mode"), [("rod_pendulum/index.html", "embed"), ("course/local.html", "projector")]
+)
+def test_embedded_a_page_is_its_live_figure_alone(gallery, chromium, page, mode):
+    file = gallery / page
     chromium.open(file, 1280, 720, still=True)
-    chromium.order("Page.navigate", url=file.as_uri() + "?embed")
+    type_size = "(b => b.height)(document.querySelector('.live svg text').getBoundingClientRect())"
+    before = chromium.run(type_size)
+    chromium.order("Page.navigate", url=f"{file.as_uri()}?{mode}")
     chromium.until("document.readyState == 'complete' && document.documentElement.className")
     seen = "[...document.querySelectorAll('main *')].filter(e => e.offsetHeight)"
     apart = f"{seen}.filter(e => !e.closest('.live') && !e.querySelector('.live')).length"
     assert chromium.run(f"{seen}.length") > 20 and chromium.run(apart) == 0
+    larger = 1.6 if mode == "projector" else 1
+    assert chromium.run(type_size) == pytest.approx(larger * before, rel=0.05)

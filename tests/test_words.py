@@ -14,7 +14,7 @@ from matplotlib.text import Text
 import actionopt
 from actionopt import plot, scenes, solve
 from actionopt.gallery import figures, scene_page
-from actionopt.gallery.course import pages, plan
+from actionopt.gallery.course import concepts, glossary, models, pages, plan
 from actionopt.gallery.course.demonstrations import DEMONSTRATIONS
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.course.notebook import ON_PAGE
@@ -54,6 +54,10 @@ def said():
     found |= {as_found.SHOWN_ALONE, as_found.LOST_ALONE}
     found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
     found |= {*PAGE_WORDS.values(), *(text for said in VERDICTS.values() for text in said)}
+    found |= {text for _, word, _, means in glossary.WORDS for text in (word, means)}
+    found |= {x.text for x in concepts.QUESTIONS}
+    found |= {text for x in concepts.QUESTIONS for answer in x.answers for text in answer}
+    found |= {model.text for model in models.ASSIGNMENTS} | {*models.SAID.values()}
     story = PARAGRAPH.finditer(TEMPLATE.read_text(encoding="utf-8"))
     found |= {" ".join(paragraph[3].split()) for paragraph in story}
     found |= {title for title, _ in pages.OTHERS.values()}

@@ -6,7 +6,14 @@ import json
 from collections.abc import Sequence
 
 from actionopt import scenes
-from actionopt.gallery.course import demonstrations, plan, sheets
+from actionopt.gallery.course import (
+    concepts,
+    demonstrations,
+    glossary,
+    models,
+    plan,
+    sheets,
+)
 from actionopt.gallery.course.experiments import EXPERIMENTS
 from actionopt.gallery.course.lesson import Exercise, Lesson, results
 from actionopt.gallery.course.lessons import LESSONS
@@ -22,6 +29,9 @@ from actionopt.tools.words import number, say
 
 OTHERS = {  # pages beside the lessons: titles, and what makes them
     "plan": ("Two weeks: plan and notes for teachers", plan.page),
+    "concepts": ("Twenty questions on ideas", concepts.page),
+    "glossary": ("Words of the course", glossary.page),
+    "models": ("Five systems to model", models.page),
 }
 
 
@@ -73,14 +83,17 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
         widget += paragraphs(lesson.observe) + own.html(lesson.figure)
     shown = "".join(f"<figure>{x.html()}" for x in drawn)
     count = say("Lesson {k} of {count}", k=k + 1, count=len(LESSONS))
+    alone = say("For the projector: the figure alone")
     minutes = say("{m} minutes", m=sum(lesson.minutes))
     main = f"""<article class="lesson">
 <header class="title"><p class="crumb"><a href="../course.html">{say("The course")}</a> &middot;
 {count} &middot; {minutes}</p>
 <h1>{translate(lesson.title)}</h1>
-<p class="lead">{translate(lesson.idea)}</p></header>
+<p class="lead">{translate(lesson.idea)}</p>{glossary.links(lesson)}</header>
 <section><h2>{say("Predict")}</h2>{paragraphs(lesson.predict)}</section>
-<section><h2>{say("Try")}</h2>{paragraphs(lesson.attempt)}{widget}{_links(lesson)}</section>
+<section><h2>{say("Try")}</h2>{paragraphs(lesson.attempt)}{widget}
+<p class="printless"><a href="{lesson.name}.html?projector">{alone}</a></p>
+{_links(lesson)}</section>
 <section><h2>{say("Explain")}</h2>{explanation(lesson)}{shown}</section>
 <section><h2>{say("Exercises")}</h2>{exercises}
 <p>{_sheets(lesson)}</p></section>

@@ -898,5 +898,6 @@
   }
 
   document.querySelectorAll("[data-live]").forEach(start);
-  if (new URLSearchParams(location.search).has("embed")) document.documentElement.classList.add("embed");
+  for (const alone of ["embed", "projector"]) // the figure alone, as it is or large
+    if (new URLSearchParams(location.search).has(alone)) document.documentElement.classList.add(alone);
 })();
