@@ -6,7 +6,7 @@ from helpers import same_bits
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import cheapest_mesh, resolution
+from actionopt.discrete.resolution import Resolution, cheapest_mesh, resolution
 from actionopt.tools.lobatto import lgl
 
 ONE = np.ones(1)
@@ -181,3 +181,12 @@ def test_a_step_is_seen_up_or_down(side, place):
     nodes = mesh.nodes_since
     assert np.searchsorted(nodes, high[at]) == np.searchsorted(nodes, low[at]) + 1  # neighbours
     assert np.isnan(low[1 - at]) and np.isnan(high[1 - at])
+
+
+@pytest.mark.parametrize("size", [np.inf, np.nan])
+def test_an_element_on_which_a_path_overflowed_is_cut(size):
+    mesh = Mesh.uniform(0.0, 1.0, 2, 6)
+    scaled = np.sin(mesh.nodes)[:, None]
+    omitted, rate = np.array([1e-12, size]), np.ones(2)
+    finer = cheapest_mesh(Resolution(mesh, scaled, omitted, rate), 1e-9)
+    assert np.sum(finer.boundaries > 0.5) > 1

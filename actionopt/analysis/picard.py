@@ -155,7 +155,7 @@ class FlowAbout(Flow):
             rates = self.rates(times, span, DRIFT_RATE / span, units, rule.points.size)
             with np.errstate(all="ignore"):
                 a, settled = _settle(rates, x, here, turn, (0.0, 1.0), rule, enough)
-            q = units.q[:, None] * (here[:, :n] + turn * (here[:, n:] * s + a @ last))
+                q = units.q[:, None] * (here[:, :n] + turn * (here[:, n:] * s + a @ last))
             t = times[:, None] + s * span[:, None]
             found += [each if good else None for *each, good in zip(t, q, settled, strict=True)]
         return found

@@ -181,7 +181,8 @@ def _cheapest(
     # |c_k| ~ amplitude exp(-rate k), known at k = d + 1.
     target = max(target, LOWEST_TARGET)
     amplitude = np.log(found.omitted / target)[:, None] + rate * (degrees[:, None] + 1)
-    need = np.ceil(amplitude / faster).astype(int)
+    # What has overflowed no degree resolves.
+    need = np.ceil(np.fmin(amplitude / faster, DEGREES[-1] + 1.0)).astype(int)
     # A prediction downwards is extrapolated far: give back at most a third of the degree, and
     # only where it is plainly too high.
     least = np.where(found.omitted < TOO_FINE * target, np.ceil(degrees * (2 / 3)), degrees)
