@@ -1,8 +1,9 @@
 """Search for paths of least action along an obstacle: where to begin, and which is the least.
 
-Ipopt's paths from lines past the obstacle tell what is in contact (`touching`). Where nodes do not
-see it, as at an edge that is sharper than they are apart, strings drawn tight round it do
-(`supports`), and finer meshes. What is in contact is held there (`obstacle`).
+Round one body, of linear equations, strings drawn tight round it tell what is in contact
+(`supports`). Otherwise Ipopt's paths from lines past the obstacle do (`touching`); where nodes do
+not see it, as at an edge that is sharper than they are apart, strings again, and finer meshes. What
+is in contact is held there (`obstacle`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, measures
 from actionopt.mechanics.obstacle import Arc
+from actionopt.mechanics.problem import Problem
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.obstacle import (
     DEPENDENT,
@@ -31,9 +33,10 @@ from actionopt.solver.obstacle import (
     ContactChange,
 )
 from actionopt.solver.refine import refine
-from actionopt.solver.supports import tight_string
+from actionopt.solver.supports import WayOut, tight_string
 from actionopt.solver.touching import (
     NO_ROOM,
+    check_once,
     contact_parts,
     hidden_contact_times,
     is_of_higher_order,
@@ -103,6 +106,10 @@ def _search(
                 ws.watch.most = ws.watch.evaluated + FINER
         mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
         guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
+        if k == 0 and curve_of is None:
+            if drawn := _round_one_body(ws, tol, mesh):
+                yield drawn
+            ws.units = None  # of the rows themselves
         # The straight line may be a trap, in which Ipopt goes about for long.
         principle = "patient least" if k or len(guesses) == 1 else "least"
         first: list[Iterate] = []
@@ -140,24 +147,90 @@ def _draw_strings(
     problem, best = ws.question, None
     if problem.system.n == 1 or problem.system.m:
         return None
-    sizes = 2.0 ** measures(problem.lengths)
+    sizes, free = 2.0 ** measures(problem.lengths), _free_path(ws, mesh)
     for sign in (1.0, -1.0) if guess is None else (1.0,):
         ws.restart()
-        ws.problem = held = Held(problem, (), sought=True)
-        ws.transcribe(mesh, None, np.zeros((mesh.nodes.size, held.system.m)))
-        ws.follow()  # the straight line will do where no path is free
+        ws.take_up(free)
 
-        def side(t: float, sign: float = sign, free: Path = ws.here.path) -> Array:
-            away = sign * sideways(problem) if guess is None else (guess(t) - free(t)) / sizes
+        def side(t: float, sign: float = sign) -> Array:
+            away = sign * sideways(problem) if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
-        string = tight_string(ws.here, side)
+        string = tight_string(free, side)
         if string is None:
             continue
         status = _refine_contact(ws, tol, string[1], string[0])
         if status is not Status.NOT_FOUND and (not best or ws.here.action < best[0].here.action):
             best = copy(ws), status, True
     return best
+
+
+def _free_path(ws: Along, mesh: Mesh, *, sought: bool = True) -> Iterate:
+    """Return the path that sees no obstacle; the straight line where there is none."""
+    ws.restart()
+    ws.units = None
+    ws.problem = held = Held(ws.question, (), sought=sought)
+    ws.transcribe(mesh, None, np.zeros((mesh.nodes.size, held.system.m)))
+    ws.follow()
+    return ws.here
+
+
+def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, bool] | None:
+    """Return the least of what is found from strings round the one body that a free path meets.
+
+    Of linear equations that path is the only one, and least where it meets none; of those round a
+    body that is convex on two coordinates one passes on either side: what Ipopt would look for is
+    known. On more, where the nearest way is by far the nearest. None if there is no such string, or
+    the path found from it is in contact elsewhere as well, or not least.
+    """
+    problem, best, far = ws.question, None, np.inf
+    n, m = problem.system.n, problem.system.m
+    if n == 1 or m or problem.advance is not None or not problem.system.structure.linear:
+        return None
+    check_once(ws, mesh, None)
+    free = _free_path(ws, mesh, sought=False)
+    if free.index:
+        return None
+    out = WayOut.of(free)
+    if out is None:
+        status = _refine_contact(ws, tol, ())
+        least = status.success and not ws.contact_problem.arcs and not ws.here.index
+        return (ws, status, True) if least else None
+    other = out.within(out.other_sides(sideways(problem)))
+    if other is not None:
+        far = _action_of(problem, other)
+    for side in (out.normal, -out.normal) if n == 2 else (out.normal,):
+        if best and far > best[0].here.action:
+            return best
+        string = tight_string(free, lambda _, side=side: side)
+        if string is None or len(string[1]) != 1 or _meets_another(problem, *string):
+            return best and (*best[:2], False)
+        if n > 2 and far < _action_of(problem, string[0]):
+            return None
+        ws.restart()
+        ws.take_up(free)
+        status, arcs = _refine_contact(ws, tol, string[1], string[0]), ws.contact_problem.arcs or ()
+        if not status.success or ws.here.index or {x.row for x in arcs} != {string[1][0].row}:
+            return best and (*best[:2], False)
+        if best is None or ws.here.action < best[0].here.action:
+            best = copy(ws), status, True
+    return best and (*best[:2], n == 2 or far > best[0].here.action)
+
+
+def _meets_another(problem: Problem, string: Path, arcs: tuple[Arc, ...]) -> bool:
+    """Whether a string passes through other rows of the obstacle than those it lies on."""
+    f = problem.system.with_contact.constraint(
+        string.values, string.mesh.nodes, parameters=problem.parameters
+    )[problem.system.m :]
+    return bool((np.delete(f, [arc.row for arc in arcs], axis=0) < 0).any())
+
+
+def _action_of(problem: Problem, path: Path) -> float:
+    """Return about the action along straight lines between the nodes of a path."""
+    q, t = path.values, path.mesh.nodes
+    apart = np.diff(t)
+    state = (q[:, 1:] + q[:, :-1]) / 2, np.diff(q) / apart, (t[1:] + t[:-1]) / 2
+    return float(problem.system.lagrangian(*state, parameters=problem.parameters) @ apart)
 
 
 def _both_sides(ws: Along, mesh: Mesh, first: list[Iterate]) -> list[Iterate]:

@@ -24,13 +24,14 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import Arc
-from actionopt.solver.touching import rows_along, runs, sample_times
+from actionopt.solver.touching import ACROSS, rows_along, runs, sample_times
 from actionopt.tools.types import EPS, Array
 
 ANGLE = np.pi / 24  # by which a normal is turned at once; ad hoc
-# of Newton's method to a point, and a step that is the last
-SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-10
-ANGLE_HALVINGS = 12  # of such an angle, to where a string comes to a body
+# of Newton's method to a point, and a step that is the last: the next would be its square
+SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-5
+# of false position, to where a string comes to a body, and the cosine that is zero there
+ANGLE_STEPS, LAST_COSINE = 12, 1e-5
 PASSES = 5  # over all bodies, where there are several
 FINE = 129  # times at which a path is known, to compare speeds along it
 LEAST_TURN = 1e-4  # of an angle, that a normal is turned by at least
@@ -109,19 +110,24 @@ class Body:
         found = []
         for way, first in ((chain, True), (chain[::-1], False)):
             off = partial(ways.beyond, first=first)
-            k = next((k for k, (normal, x) in enumerate(way) if off(normal, x)), 0)
-            if k == 0:
+            k, before, behind = 0, 0.0, off(*way[0])
+            while k + 1 < len(way) and not behind > 0:
+                k, before, behind = k + 1, behind, off(*way[k + 1])
+            if k == 0 or not behind > 0:
                 return None
             (low, x), high = way[k - 1], way[k][0]
-            for _ in range(ANGLE_HALVINGS):
-                normal = between(low, high, 0.5)
+            for _ in range(ANGLE_STEPS):
+                normal = between(low, high, before / (before - behind))
                 point = self.touching_point(x, normal)
                 if point is None:
                     return None
-                if off(normal, point):
-                    high = normal
+                cosine = off(normal, point)
+                if cosine > 0:
+                    high, before, behind = normal, before / 2, cosine
                 else:
-                    low, x = normal, point
+                    low, x, before, behind = normal, point, cosine, behind / 2
+                if abs(cosine) < LAST_COSINE:
+                    break
             found.append((k, x))
         (k, begin), (l, end) = found
         points = np.array([begin, *(x for _, x in chain[k : len(chain) - l]), end])
@@ -139,7 +145,7 @@ def angle_of(a: Array, b: Array) -> float:
 def between(a: Array, b: Array, part: float) -> Array:
     """Return the unit vector that is a part of the way from a to b, both unit vectors (n,)."""
     angle = angle_of(a, b)
-    if angle < LAST_SUPPORT_STEP:
+    if angle == 0.0:
         return b
     return (np.sin((1 - part) * angle) * a + np.sin(part * angle) * b) / np.sin(angle)
 
@@ -183,10 +189,78 @@ class Ways:
         part = np.clip(slower[k - 1] / max(slower[k - 1] - slower[k], EPS), 0.0, 1.0)
         return tuple(z[k - 1] + part * (z[k] - z[k - 1]) for z in (t, arrival, departure))
 
-    def beyond(self, normal: Array, x: Array, first: bool) -> bool:
-        """Return whether it is beyond where it comes to the body first, or leaves it last."""
+    def beyond(self, normal: Array, x: Array, first: bool) -> float:
+        """Return a cosine, above zero beyond where it comes to the body first, or leaves it last.
+
+        It is that of the angle between the normal and the way there.
+        """
         _, arrival, departure = self.passing(x, x, 0.0)
-        return float(normal @ (arrival if first else -departure)) > 0
+        way = arrival if first else -departure
+        return float(normal @ way) / max(float(np.linalg.norm(way)), EPS)
+
+
+@dataclass(frozen=True)
+class WayOut:
+    """Where a path is deepest inside of an obstacle, and the nearest way out.
+
+    Attributes
+    ----------
+    found : DiscretePath
+        The path.
+    t : float
+        When it is there.
+    body : Body
+        The row that it is inside of.
+    normal : (n,) array
+        The body's normal there, coordinates in units of their `measures`.
+    """
+
+    found: DiscretePath
+    t: float
+    body: Body
+    normal: Array
+
+    @classmethod
+    def of(cls, found: DiscretePath) -> WayOut | None:
+        """Return the way out from where a path is deepest inside; None where it is outside."""
+        t = sample_times(found)
+        rows = rows_along(found, t)
+        i, k = np.unravel_index(np.argmin(rows), rows.shape)
+        if not rows[i, k] < 0:
+            return None
+        body = Body(contacts_of(found.problem), int(i), float(t[k]))
+        return cls(found, float(t[k]), body, body.normal(found.path(t[k]) / body.sizes))
+
+    def within(self, sides: Array) -> Path | None:
+        """Return a path that is just inside of the body's nearest edge straight to `sides` (k, n).
+
+        Paths past all of those edges are longer. None if there is no edge.
+        """
+        found, sizes = self.found, self.body.sizes
+        held, since = contacts_of(found.problem), np.linspace(0.0, found.problem.duration, FINE)
+        t, here = since + held.start.t, found.path(self.t) / sizes
+        line = here + ACROSS[:, None, None] * sides
+        q = line.reshape(-1, sizes.size) * sizes
+        f = held.system.constraint(q.T, np.full(len(q), self.t), parameters=held.parameters)
+        inside = f[held.free.system.m + self.body.row].reshape(line.shape[:2]) < 0
+        last = np.argmin(inside, axis=0) - 1  # none where all are inside
+        if last.max() < 0:
+            return None
+        drift = ACROSS[last[last >= 0].min()] * sides[np.argmin(np.where(last < 0, np.inf, last))]
+        q, v = (z(t).T / sizes for z in (found.path, found.path.velocity))
+        ends = [(s, np.zeros(sizes.size)) for s in since[[0, -1]]]
+        ways = Ways(since[1:-1], q[1:-1], v[1:-1], *ends)
+        when, _, _ = ways.passing(here + drift, here + drift, 0.0)
+        drift = here + drift - found.path(when + held.start.t) / sizes
+        part = np.interp(since, [0.0, when, since[-1]], [0.0, 1.0, 0.0])[:, None]
+        return Path(Mesh.over(held.start.t, held.end.t, since, 1), ((q + part * drift) * sizes).T)
+
+    def other_sides(self, first: Array) -> Array:
+        """Return directions (k, n) across the path: the farther way, and to `first` and beyond."""
+        n, sizes = self.normal.size, self.body.sizes
+        ahead = self.found.path.velocity(self.t) / sizes
+        axes = np.linalg.qr(np.column_stack([ahead, self.normal, first, np.eye(n)]))[0][:, 2:].T
+        return np.concatenate([[-self.normal], axes, -axes])
 
 
 def tight_string(

@@ -72,16 +72,21 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     return found
 
 
+def check_once(ws: Workspace, mesh: Mesh, path: Path | None) -> None:
+    """Refuse what no path can be of, in the question's words: before its rows are held."""
+    if not ws.checked:
+        plain = Transcription(ws.question, mesh, ws.question.lengths)
+        check(plain, plain.straight() if path is None else path.on(mesh).values.T)
+        ws.checked = True
+
+
 def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) -> bool:
     """Ask Ipopt for a least path with f >= 0 at the nodes; False if it finds none."""
     free, started = ws.question, perf_counter()
     ws.problem = Held(free, sought=True)
     if ws.problem.boundaries:
         mesh = with_boundaries(mesh, ws.problem.boundaries)
-    if not ws.checked:
-        plain = Transcription(free, mesh, free.lengths)
-        check(plain, plain.straight() if path is None else path.on(mesh).values.T)
-        ws.checked = True
+    check_once(ws, mesh, path)
     ws.transcribe(mesh, path, np.zeros((mesh.nodes.size, ws.problem.system.m)))
     tr = ws.here.tr
     with ws.record.clock("solve"):
