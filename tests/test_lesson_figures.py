@@ -1,6 +1,7 @@
 """Figures of lessons, in a browser: what each says was measured, and agrees with formulas here."""
 
 import json
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -297,6 +298,42 @@ def test_a_hand_a_key_and_a_link_set_the_same(figure, page, chromium):
         while "Page.loadEventFired" not in chromium.events:
             chromium.read()
         assert chromium.run(v) == pytest.approx(known, rel=1e-6)
+
+
+def reload(chromium, end):
+    chromium.run(f"location.hash = {json.dumps(end)}")
+    chromium.events.clear()
+    chromium.order("Page.reload")
+    while "Page.loadEventFired" not in chromium.events:
+        chromium.read()
+
+
+@pytest.mark.slow
+def test_a_link_sets_no_number_that_a_hand_cannot(page, chromium):
+    chromium.errors.clear()
+    chromium.open(page, still=True)
+    first = chromium.run(
+        "Object.fromEntries([...document.querySelectorAll('[data-figure]')]"
+        ".map(f => [f.dataset.figure, Object.values(f.state)]))"
+    )
+    states = "[...document.querySelectorAll('[data-figure]')].map(f => Object.values(f.state))"
+    link = "&".join(f"f-{name}={quote(json.dumps(values))}" for name, values in first.items())
+    reload(chromium, link)
+    for before, after in zip(first.values(), chromium.run(states), strict=True):
+        assert after == pytest.approx(before, abs=1e-9) or after == before
+    for far in (1e3, -1e3):
+        wild = {
+            name: [x if isinstance(x, (bool, str)) else far for x in values]
+            for name, values in first.items()
+        }
+        link = "&".join(f"f-{name}={quote(json.dumps(values))}" for name, values in wild.items())
+        reload(chromium, link)
+        held = dict(zip(first, chromium.run(states), strict=True))
+        assert all(far not in values for values in held.values()), held
+        assert "NaN" not in chromium.run("document.body.innerHTML")
+        E, _, x, y, _ = held["optics"]
+        assert 8 <= E <= 40 and 0.6 <= x <= 4.2 and 0 <= y <= 2 and y < E / G
+    assert chromium.errors == []
 
 
 def test_sentences_have_words(figure, chromium):

@@ -152,10 +152,21 @@
       draw();
       address.set(key, JSON.stringify(Object.values(state).map((x) => (typeof x === "number" ? Number(x.toPrecision(7)) : x))));
     }
+    const hold = () => { // numbers where sliders can put them
+      for (const [what, { from, to }] of Object.entries(it.sliders ?? {})) {
+        const [low, high] = [from, to].map((f) => (typeof f === "function" ? f(state) : f));
+        state[what] = Math.min(high, Math.max(low, state[what]));
+      }
+    };
     const before = address.get(key);
     if (before) try { // a link of another page is none of this one's
       const values = JSON.parse(before), names = Object.keys(state);
-      if (names.every((what, k) => it.choices?.[what]?.of.includes(values[k]) ?? typeof values[k] === typeof state[what])) names.forEach((what, k) => { state[what] = values[k]; });
+      if (names.every((what, k) => it.choices?.[what]?.of.includes(values[k]) ?? (typeof values[k] === typeof state[what] && Math.abs(values[k]) !== Infinity))) {
+        names.forEach((what, k) => { state[what] = values[k]; });
+        hold(); // what a slider allows may hang on a handle, and the other way round
+        for (const { place, move } of it.handles ?? []) Object.assign(state, move(...place(state), state));
+        hold();
+      }
     } catch { /* torn */ }
     const caption = figure.querySelector("figcaption");
     if (caption) figure.append(caption);
