@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import lsq_linear
 
 from actionopt import suite
 from actionopt.suite.models.goddard import greatest_height
@@ -93,6 +94,33 @@ def test_steps_have_the_three_arcs_and_their_height_tends_to_the_best():
         assert np.all(np.diff(order) >= 0) and np.all(np.bincount(order) > 1)
         errors.append(-rocket.f_star - greatest_height())
     assert 1.8 < errors[0] / errors[1] < 2.2 and errors[1] < 2e-4
+
+
+def first_order(problem, x):
+    """Return what multipliers of the right signs leave of grad f, relative, in units of x."""
+    (lower, upper), J = problem.bounds, np.zeros((problem.m, problem.n))
+    J[problem.jacobian_structure] = problem.jacobian(x)
+    pushes = np.vstack([J, -np.eye(problem.n)[x <= lower], np.eye(problem.n)[x >= upper]])
+    least = np.where(np.arange(len(pushes)) < problem.m, -np.inf, 0)
+    slope = problem.gradient(x) * problem.unit
+    found = lsq_linear((pushes * problem.unit).T, -slope, (least, np.inf), tol=1e-14)
+    return np.abs(found.fun).max() / np.abs(slope).max()
+
+
+@pytest.mark.parametrize("thrust", [0.0, 1.0, MOST])
+def test_the_shortest_flight_is_not_stationary_whatever_the_thrust(thrust):
+    """The ground in no time would be, with any thrust."""
+    rocket = suite.model("goddard_rocket", elements=10)
+    time, (h, v, m), states = rocket.bounds[0][-1], (1.0, 0.0, 1.0), []
+    for _ in range(10):
+        drag = 310 * v**2 * np.exp(-500 * (h - 1))
+        v = v + time / 10 * ((thrust - drag) / m - h**-2)
+        h, m = h + time / 10 * v, max(m - time / 10 * thrust / EXHAUST, DRY)
+        states.append((h, v, m))
+    x = np.concatenate([np.transpose(states).ravel(), np.full(10, thrust), [time]])
+    assert rocket.violation(x) < 1e-12
+    assert first_order(rocket, rocket.x_star) < 1e-9
+    assert first_order(rocket, x) > 0.01
 
 
 @pytest.mark.parametrize("most", [3.0, 2.0, 0.5, -1, np.inf, np.nan])

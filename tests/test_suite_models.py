@@ -532,7 +532,7 @@ def test_the_index_of_standing_pendulums_follows_from_the_coupling(coupling):
 
 
 def test_a_dimer_climbs_to_a_saddle_known_or_not():
-    for coupling, known in ((8.0, True), (2.0, False)):
+    for coupling, known in ((8.0, True), (2.0, False), (0.25, False)):
         problem = suite.model("pendulum_row", coupling=coupling)
         x, _, rests = dimer(problem, problem.start())
         values = np.linalg.eigvalsh(hessian(problem, x).toarray())

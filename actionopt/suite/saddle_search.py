@@ -79,7 +79,10 @@ def dimer(problem: Any, x0: Array) -> tuple[Array, None, bool]:
             images = np.stack([bent, curve(x, plane[1])])
             inner = plane @ images.T
             turn = np.linalg.eigh((inner + inner.T) / 2)[1][:, 0]
-            direction, bent = turn @ plane, turn @ images  # plane and turn are orthonormal
+            turned = turn @ plane
+            # Near the softest direction `aside` is round-off, and not quite at right angles.
+            longer = np.linalg.norm(turned)
+            direction, bent = turned / longer, turn @ images / longer
         slope = problem.gradient(x)
         uphill = (slope @ direction) * direction
         return 2 * uphill - slope if bent @ direction < 0 else uphill

@@ -5,6 +5,7 @@ Units are those of the radius, the gravity at the ground and the mass at the sta
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -38,7 +39,8 @@ def goddard_rocket(*, elements: int = 50, most: float = 3.5) -> WrittenModel:
     Steps are equal, and the time of them all is free; u is constant in each, v is taken where it
     ends, h and m where it begins. So the optimum on steps has the arcs of the continuous one, and u
     does not oscillate: full thrust, thrust in no bound, none. f is linear; what determines u on the
-    singular arc is the curvature of the rows alone.
+    singular arc is the curvature of the rows alone. No flight is shorter than full thrust burns all
+    fuel: where the time may be zero, the rocket on the ground is stationary with any u.
 
     Raises ValueError if the fuel is burnt before that arc begins, or `most` is not enough on it.
 
@@ -58,7 +60,7 @@ def goddard_rocket(*, elements: int = 50, most: float = 3.5) -> WrittenModel:
     )
     free = np.full(3 * count, np.inf)
     lower = np.concatenate([-free, np.zeros(count + 1)])
-    lower[3 * count - 1] = DRY_MASS
+    lower[3 * count - 1], lower[-1] = DRY_MASS, (1 - DRY_MASS) * EXHAUST / most
     upper = np.concatenate([free, np.full(count, most), [np.inf]])
 
     unit = np.repeat(
@@ -154,6 +156,7 @@ def _thrust(y: Array) -> float:
     return (by_speed * (drag / m + g) - by_height * v) / (by_speed / m + g / EXHAUST)
 
 
+@cache
 def _arcs(most: float) -> tuple[float, float]:
     """Return height and time of the best flight of all.
 
