@@ -200,18 +200,18 @@ print(one, two, both)
             label="change of p_phi",
         ),
         Exercise(
-            "A free particle of 2 kg goes 3 m in 1.5 s. The end is moved by 1 cm. By how much does "
-            "S "
-            "change, to first order, and what is that per centimetre?",
+            "A free particle of 2 kg goes 3 m in 1.5 s. The end is moved 1 cm farther. By how much "
+            "does S change, and how much of that is p times the shift?",
             """\
 m, d, T = 2.0, 3.0, 1.5
 S = m * d**2 / (2 * T)
 change = m * (d + 0.01) ** 2 / (2 * T) - S
 p = m * d / T
-print(change, "J s, p dx =", p * 0.01, "J s")
+first = p * 0.01
+print(change, "J s, p dx =", first, "J s")
 """,
-            "By {change:.4g} J s, which is p times the shift, {p:.3g} N s times 0.01 m, to first "
-            "order: the momentum is the slope of S with the end.",
+            "By {change:.4g} J s. Of that {first:.3g} J s is p times the shift, {p:.3g} N s times "
+            "0.01 m: the momentum is the slope of S with the end. The rest is of second order.",
             "change",
             "J s",
             label="change of S",

@@ -60,7 +60,7 @@ import numpy as np
 
 m, g, T, x, y = 1.0, 9.81, 1.0, 3.0, 1.0
 a = np.linspace(0, 20, 2001)
-t = np.linspace(0, T, 201)[:, None]
+t = np.linspace(0, T, 401)[:, None]
 height = (y / T + a * T / 2) * t - a * t**2 / 2
 speed = (y / T + a * T / 2) - a * t
 L = m * ((x / T) ** 2 + speed**2) / 2 - m * g * height
