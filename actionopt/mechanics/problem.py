@@ -161,7 +161,7 @@ class Problem:
         elif not self.start.t < self.end.t:
             raise ValueError(
                 f"expected the end event after the start event, found t1 = {self.end.t} and "
-                f"t0 = {self.start.t}; exchange the events to run the motion backwards"
+                f"t0 = {self.start.t}; exchange the events, or change a time where both are equal"
             )
         elif self.is_infinite:
             if self.advance is not None:
