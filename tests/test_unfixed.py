@@ -81,6 +81,21 @@ def test_the_path_told_degenerate_is_the_one_that_was_found():
     assert found.duration == pytest.approx(np.pi / np.sqrt(2 * energy), rel=1e-6)
 
 
+def test_the_transfer_of_least_energy_is_returned():
+    # Lagrange: the ellipse of least energy has 4 a = r1 + r2 + chord, and t is known to half the
+    # digits at most, as two ellipses merge there.
+    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    end = 1.407 * np.array([np.cos(1.037), np.sin(1.037)])
+    chord = np.hypot(*(end - [1.0, 0.0]))
+    half = (2.407 + chord) / 2
+    beta = 2 * np.arcsin(np.sqrt((half - chord) / half))
+    duration = (half / 2) ** 1.5 * (np.pi - (beta - np.sin(beta)))
+    problem = ao.Problem(system, ao.Event(0.0, [1, 0]), ao.Event(None, end), energy=-1 / half)
+    found = ao.solve(problem, throw=False)
+    assert found.status in (ao.Status.FLOOR, ao.Status.DEGENERATE)
+    assert found.duration == pytest.approx(duration, rel=1e-5)
+
+
 def test_no_lowest_energy_is_claimed_where_lower_ones_were_lost():
     # Half an ellipse of Kepler's of least energy, -1/3; the first path found passes its centre.
     system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
