@@ -73,7 +73,10 @@ def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Arr
         by_q = by_q[:, free] * size[free]
         if not (np.isfinite(rows).all() and np.isfinite(by_q).all() and by_q.any(axis=1).all()):
             return None
-        step = -np.linalg.pinv(by_q) @ rows
+        if rows.size == 1:
+            step = -by_q[0] * (rows[0] / (by_q[0] @ by_q[0]))
+        else:
+            step = -np.linalg.pinv(by_q) @ rows
         largest = np.abs(step).max()
         farthest = FIRST_SURFACE_STEP * 2.0**k
         q[free] += step * (farthest / largest if largest > farthest else 1.0) * size[free]

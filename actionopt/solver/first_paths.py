@@ -421,8 +421,8 @@ def straight(problem: Problem) -> Array:
 
 def line(problem: Problem, mesh: Mesh) -> Array:
     """Return the straight line at the nodes of a mesh, (n, K)."""
-    q, s = straight(problem), mesh.nodes_since / mesh.duration
-    return np.stack([np.interp(s, np.linspace(0, 1, LINE), row) for row in q.T])
+    start, end = straight(problem)[[0, -1]][:, :, None]
+    return start + mesh.nodes_since / mesh.duration * (end - start)
 
 
 def time_waypoints(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> Path:

@@ -81,7 +81,7 @@ def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple
 
     Between `pairs` (2, n) of points; else of those near each other: `near`.
     """
-    size = sizes(problem)
+    size, like = sizes(problem), None
     found: list[tuple[float, Path, Problem, Array]] = []
     for pair in near(problem) if pairs is None else pairs:
         if any(np.all(np.abs(pair - q) < APART * size) for *_, q in found):
@@ -93,7 +93,9 @@ def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple
         values, energy = problem.parameters, problem.energy
         with suppress(ValueError):
             fixed = Problem(problem.system, *ends, parameters=values, energy=energy)
-            found.append((*_line(fixed), fixed, pair))
+            S, at = _line(fixed, like)
+            like = None if problem.free_time else at.tr
+            found.append((S, at.path, fixed, pair))
     return [(fixed, path) for _, path, fixed, _ in sorted(found, key=lambda x: x[0])]
 
 
@@ -128,16 +130,23 @@ def sizes(problem: Problem) -> Array:
     return np.where(np.isfinite(found) & (found > 0), found, size)
 
 
-def _line(problem: Problem) -> tuple[float, Path]:
-    """Return the action along the straight line, S + E T where the time is free, and the line."""
-    q = straight(problem)
-    T = duration_along(problem, q)
-    fixed = over(problem, T)
-    mesh = Mesh.uniform(fixed.start.t, fixed.end.t, LINEAR, COARSE_DEGREE)
-    path = Path(mesh, line(problem, mesh))
+def _line(problem: Problem, like: Transcription | None) -> tuple[float, DiscretePath]:
+    """Return the action along the straight line, S + E T where the time is free, and the line.
+
+    Transcribed `like` that between other points, if it is given.
+    """
+    if like is not None:
+        tr = like.between(problem)
+        at = DiscretePath(tr, tr.pack(line(problem, tr.mesh).T))
+        T = problem.duration
+    else:
+        T = duration_along(problem, straight(problem))
+        fixed = over(problem, T)
+        mesh = Mesh.uniform(fixed.start.t, fixed.end.t, LINEAR, COARSE_DEGREE)
+        at = DiscretePath.of(fixed, Path(mesh, line(problem, mesh)))
     with np.errstate(all="ignore"):
-        S = DiscretePath.of(fixed, path).action + (problem.energy or 0.0) * T
-    return S if np.isfinite(S) else np.inf, path
+        S = at.action + (problem.energy or 0.0) * T
+    return S if np.isfinite(S) else np.inf, at
 
 
 def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
