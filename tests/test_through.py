@@ -527,3 +527,15 @@ def test_a_waypoint_off_the_constraints_is_refused():
     ends = ao.Event(0, [1, 0]), ao.Event(1, [0, 1])
     with pytest.raises(ValueError, match="expected event 0 of through on the constraint"):
         ao.Problem(rod, *ends, through=[ao.Event(None, [0.5, 0.5])])
+
+
+def test_what_does_not_belong_at_an_end_is_refused():
+    wall = ao.Bounce(lambda q, t: 1 - q[0])
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x"])
+    for ends, where in (
+        ((ao.Event(0, [0.0]), wall), "through="),
+        ((wall, ao.Event(1, [0.0])), "through="),
+        ((ao.Periodic(1.0), ao.Event(1, [0.0])), "the end of a path"),
+    ):
+        with pytest.raises(ValueError, match=f"expected an Event at the .*{where}"):
+            ao.Problem(free, *ends)

@@ -24,7 +24,7 @@ from actionopt.mechanics.course import (
     check_rates_on_constraints,
     take_turns,
 )
-from actionopt.mechanics.events import Event, Periodic
+from actionopt.mechanics.events import Bounce, Event, Periodic
 from actionopt.mechanics.instants import Instant, instants, merge
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.pulses import centres
@@ -144,6 +144,12 @@ class Problem:
         object.__setattr__(self, "packed", self.system.table.pack(values))
         names = self.system.coordinates
         for role, event in (("start", self.start), ("end", self.end)):
+            if isinstance(event, Bounce) or (role == "start" and isinstance(event, Periodic)):
+                where = "through=[...]" if isinstance(event, Bounce) else "the end of a path"
+                raise ValueError(
+                    f"expected an Event at the {role}, found a {type(event).__name__}, which "
+                    f"belongs in {where}; give the {role} as Event(t, q)"
+                )
             if event.q is None:
                 object.__setattr__(self, role, event._replace(q=[None] * len(names)))
         if isinstance(self.end, Periodic):
