@@ -756,3 +756,14 @@ def test_a_closed_path_round_one_disc_without_a_guess_is_not_found():
     system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
     problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(1.0))
     assert not ao.solve(problem, throw=False).success
+
+
+@pytest.mark.parametrize("y", [0.1, -0.1])
+def test_round_one_disc_ipopt_is_not_asked(y):
+    A, B = (-2.0, y), (2.0, y)
+    sol = ao.solve(ao.Problem(body(disc()), ao.Event(0.0, A), ao.Event(1.0, B)))
+    assert sol.morse_index == 0 and "ipopt" not in sol.stats["iterations"]
+    ra = np.hypot(*A)
+    angle = np.pi - 2 * np.arctan2(abs(y), 2.0) - 2 * np.arccos(1 / ra)
+    assert sol.action == pytest.approx((2 * np.sqrt(ra**2 - 1) + angle) ** 2 / 2, rel=1e-9)
+    assert np.sign(sol(0.5)[1]) == np.sign(y)  # the nearer side
