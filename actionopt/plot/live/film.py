@@ -22,6 +22,7 @@ RISE = 0.36  # radians that space is seen from above, the sine about that of `sc
 BOX_MARGIN = 0.14  # of the longer side, ad hoc
 LEAST_SHAPE = 0.42  # of the longer side: a motion along a line gets some air
 NAME, NAMED = 0.045, 1.45  # of the size, from an arrow's tip to its name; of the arrow, to its end
+LARGEST_FILM = 1e4  # of one unit: browsers know no type above 10,000, nor names in it
 LIMB_POINTS = np.linspace(0, 1, 9)[:, None]
 
 
@@ -161,11 +162,14 @@ def first(data: dict[str, Any]) -> str:
         # Its name stands beyond the tip, or beside it where something else is.
         places = [(u + NAME * size * a, v + NAME * size * b) for a, b in ((c, s), (-s, c), (s, -c))]
         rooms = [np.min(np.hypot(*(taken - place).T)) for place in places]
-        place = places[0 if rooms[0] > 0.9 * NAME * size else int(np.argmax(rooms))]
+        place = np.array(places[0 if rooms[0] > 0.9 * NAME * size else int(np.argmax(rooms))])
         taken = np.vstack([taken, place])
+        unit = max(size / LARGEST_FILM, 1.0)
+        x, y = place / unit
+        scale = f' transform="scale({unit:.6g})"' if unit > 1 else ""
         parts.append(
-            f'<text class="name" x="{place[0]:.5g}" y="{place[1]:.5g}" '
-            f'font-size="{0.055 * size:.4g}">{label["name"]}</text>'
+            f'<text class="name" x="{x:.5g}" y="{y:.5g}" font-size="{0.055 * size / unit:.4g}"'
+            f"{scale}>{label['name']}</text>"
         )
     return "".join(parts)
 
