@@ -369,8 +369,8 @@ class _Fan:
         """
         steps, t = track.samples()
         columns = np.arange(t.shape[1])
-        cost = self._miss(*track.at(steps[:, None], columns[None], t), t, first)
-        q, _ = track.at(steps[:, None], columns[None], t)
+        q, v = track.at(steps[:, None], columns[None], t)
+        cost = self._miss(q, v, t, first)
         for other in self.walls[leg]:
             out = np.cumsum(~(self._on(other, q, t)[1:] > 0), axis=0) > 0
             cost[1:][out] = np.inf
