@@ -69,6 +69,14 @@ class OutOfRange(IndexError):
         super().__init__(f"{self.part} of an array of shape {whole.shape}")
 
 
+def _operators(code: int, general: Callable[[Any, Any], Any]) -> tuple[Any, Any]:
+    """Return the methods of an operator, x * y, and of the same from the right, y * x."""
+    return (
+        lambda self, other: _binary(code, general, self, other),
+        lambda self, other: _binary(code, general, other, self),
+    )
+
+
 class Expressions:
     """Expressions in an array of no, one or two axes.
 
@@ -181,93 +189,26 @@ class Expressions:
         """Return |x|."""
         return Expressions(ca.SX.unary(ca.OP_FABS, self.sx), self.ndim)
 
-    def __add__(self, other: Any) -> Any:
-        """Return x + y."""
-        return _binary(ca.OP_ADD, operator.add, self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        """Return the same from the right."""
-        return _binary(ca.OP_ADD, operator.add, other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        """Return x - y."""
-        return _binary(ca.OP_SUB, operator.sub, self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        """Return the same from the right."""
-        return _binary(ca.OP_SUB, operator.sub, other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        """Return x y."""
-        return _binary(ca.OP_MUL, operator.mul, self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        """Return the same from the right."""
-        return _binary(ca.OP_MUL, operator.mul, other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        """Return x / y."""
-        return _binary(ca.OP_DIV, operator.truediv, self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        """Return the same from the right."""
-        return _binary(ca.OP_DIV, operator.truediv, other, self)
-
-    def __pow__(self, other: Any) -> Any:
-        """Return x to the power of y."""
-        return _binary(ca.OP_POW, operator.pow, self, other)
-
-    def __rpow__(self, other: Any) -> Any:
-        """Return the same from the right."""
-        return _binary(ca.OP_POW, operator.pow, other, self)
+    # Each operator, and the same from the right; comparisons are expressions as well.
+    __add__, __radd__ = _operators(ca.OP_ADD, operator.add)
+    __sub__, __rsub__ = _operators(ca.OP_SUB, operator.sub)
+    __mul__, __rmul__ = _operators(ca.OP_MUL, operator.mul)
+    __truediv__, __rtruediv__ = _operators(ca.OP_DIV, operator.truediv)
+    __pow__, __rpow__ = _operators(ca.OP_POW, operator.pow)
+    __and__, __rand__ = _operators(ca.OP_AND, operator.and_)
+    __or__, __ror__ = _operators(ca.OP_OR, operator.or_)
+    __lt__, __gt__ = _operators(ca.OP_LT, operator.lt)
+    __le__, __ge__ = _operators(ca.OP_LE, operator.le)
+    __eq__, _ = _operators(ca.OP_EQ, operator.eq)
+    __ne__, _ = _operators(ca.OP_NE, operator.ne)
 
     def __mod__(self, other: Any) -> Any:
         """Return the remainder."""
         return _from_casadi(_to_casadi(self) % _to_casadi(other))
 
-    def __and__(self, other: Any) -> Any:
-        """Return "x and y" of comparisons."""
-        return _binary(ca.OP_AND, operator.and_, self, other)
-
-    def __rand__(self, other: Any) -> Any:
-        """Return the same from the right."""
-        return _binary(ca.OP_AND, operator.and_, other, self)
-
-    def __or__(self, other: Any) -> Any:
-        """Return "x or y" of comparisons."""
-        return _binary(ca.OP_OR, operator.or_, self, other)
-
-    def __ror__(self, other: Any) -> Any:
-        """Return the same from the right."""
-        return _binary(ca.OP_OR, operator.or_, other, self)
-
     def __invert__(self) -> Any:
         """Return "not x" of a comparison."""
         return Expressions(ca.SX.unary(ca.OP_NOT, self.sx), self.ndim)
-
-    def __lt__(self, other: Any) -> Any:
-        """Return x < y, an expression as well; so are the other comparisons."""
-        return _binary(ca.OP_LT, operator.lt, self, other)
-
-    def __le__(self, other: Any) -> Any:
-        """Return x <= y."""
-        return _binary(ca.OP_LE, operator.le, self, other)
-
-    def __gt__(self, other: Any) -> Any:
-        """Return x > y."""
-        return _binary(ca.OP_LT, operator.lt, other, self)
-
-    def __ge__(self, other: Any) -> Any:
-        """Return x >= y."""
-        return _binary(ca.OP_LE, operator.le, other, self)
-
-    def __eq__(self, other: Any) -> Any:
-        """Return x == y."""
-        return _binary(ca.OP_EQ, operator.eq, self, other)
-
-    def __ne__(self, other: Any) -> Any:
-        """Return x != y."""
-        return _binary(ca.OP_NE, operator.ne, self, other)
 
     def __matmul__(self, other: Any) -> Any:
         """Return the product of vectors or matrices."""
