@@ -17,7 +17,7 @@ from actionopt.families.batch import member, solve_run
 from actionopt.families.common_mesh import denser
 from actionopt.families.scheduling import Front, weights
 from actionopt.mechanics.columns import Columns
-from actionopt.solver import together
+from actionopt.solver import stacked_newton
 from actionopt.solver.iterate import sizes
 
 TOL = 1e-9
@@ -32,7 +32,7 @@ def random(seed, **ranges):
 
 def test_sizes_of_many_paths_are_those_of_each():
     Q = np.random.default_rng(3).normal(size=(4, 2, 3, 5)) - [[[[3.0]], [[0.5]]]]
-    found, regular = together._sizes(Q)
+    found, regular = stacked_newton._sizes(Q)
     each = [sizes(Q[..., k].transpose(0, 2, 1).reshape(-1, 2), np.ones(2)) for k in range(5)]
     assert np.array_equal(found, np.transpose(each)) and regular.all()
 

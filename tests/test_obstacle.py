@@ -13,7 +13,7 @@ import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
 from actionopt.solver import least_along
-from actionopt.solver.touching import other_sides
+from actionopt.solver.first_contacts import other_sides
 from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"

@@ -3,9 +3,9 @@
 Members are solved in waves. Each begins where those that are solved lead to expect its path, and a
 wave goes no farther from them than that works: first outwards from one member, then in between.
 Members that do not contract wait for nearer neighbours, and are solved alone in the end: near the
-nearest one, then from nothing. So is every member of which there is any doubt: `together` says
-what it measures. Searches from nothing that fail have a budget, and members that lie behind one
-without a path come last.
+nearest one, then from nothing. So is every member of which there is any doubt: `stacked_newton`
+says what it measures. Searches from nothing that fail have a budget, and members that lie behind
+one without a path come last.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from actionopt.solver.arguments import check_arguments
 from actionopt.solver.family import NOISE
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplification, estimate, sizes
 from actionopt.solver.solve import Guess, refuse_rest, solve, solve_near
-from actionopt.solver.together import FollowedStack, follow
+from actionopt.solver.stacked_newton import FollowedStack, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array, NDInt

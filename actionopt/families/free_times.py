@@ -17,11 +17,11 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.borders import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arrivals import PASSES_EACH, MissUnits, passages
 from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import rates, return_time, times_along
 from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes
+from actionopt.solver.single_shooting import PASSES_EACH, MissUnits, passages
 from actionopt.tools.types import Array
 
 # Times the duration along the straight line, or up and back, that motions are followed; ad hoc.

@@ -8,7 +8,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.touching import lines
+from actionopt.solver.first_contacts import lines
 
 SIDE_SPREAD = np.array([0.3, 1.0, 3.0])  # of the coordinates' sizes, how far curves go to a side
 CURVE_WAVES, CURVE_ELEMENTS = 3, 64  # sines of a curve, and its elements; ad hoc

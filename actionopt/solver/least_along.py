@@ -1,9 +1,9 @@
 """Search for paths of least action along an obstacle: where to begin, and which is the least.
 
-Round one body, of linear equations, strings drawn tight round it tell what is in contact
-(`supports`). Otherwise Ipopt's paths from lines past the obstacle do (`touching`); where nodes do
-not see it, as at an edge that is sharper than they are apart, strings again, and finer meshes. What
-is in contact is held there (`obstacle`).
+Round one body, of linear equations, strings drawn taut round it tell what is in contact
+(`taut_strings`). Otherwise Ipopt's paths from lines past the obstacle do (`first_contacts`); where
+nodes do not see it, as at an edge that is sharper than they are apart, strings again, and finer
+meshes. What is in contact is held there (`obstacle`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,18 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, measures
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.first_contacts import (
+    NO_ROOM,
+    check_once,
+    contact_parts,
+    hidden_contact_times,
+    is_of_higher_order,
+    lines,
+    narrow_contact_times,
+    other_sides,
+    sideways,
+    touch,
+)
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.obstacle import (
     DEPENDENT,
@@ -33,19 +45,7 @@ from actionopt.solver.obstacle import (
     ContactChange,
 )
 from actionopt.solver.refine import refine
-from actionopt.solver.supports import WayOut, tight_string
-from actionopt.solver.touching import (
-    NO_ROOM,
-    check_once,
-    contact_parts,
-    hidden_contact_times,
-    is_of_higher_order,
-    lines,
-    narrow_contact_times,
-    other_sides,
-    sideways,
-    touch,
-)
+from actionopt.solver.taut_strings import WayOut, taut_string_round
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import OutOfTime, Spent, Watch
 
@@ -139,7 +139,7 @@ def _search(
 def _draw_strings(
     ws: Along, tol: float, mesh: Mesh, guess: Path | None
 ) -> tuple[Along, Status, bool] | None:
-    """Return what is found from strings drawn tight round the obstacle, on a guess's side or both.
+    """Return what is found from strings drawn taut round the obstacle, on a guess's side or both.
 
     Nodes see neither a wall that is thinner than they are apart nor an edge that is sharper, and
     Ipopt's path goes through.
@@ -156,7 +156,7 @@ def _draw_strings(
             away = sign * sideways(problem) if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
-        string = tight_string(free, side)
+        string = taut_string_round(free, side)
         if string is None:
             continue
         status = _refine_contact(ws, tol, string[1], string[0])
@@ -202,7 +202,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     for side in (out.normal, -out.normal) if n == 2 else (out.normal,):
         if best and far > best[0].here.action:
             return best
-        string = tight_string(free, lambda _, side=side: side)
+        string = taut_string_round(free, lambda _, side=side: side)
         if string is None or len(string[1]) != 1 or _meets_another(problem, *string):
             return best and (*best[:2], False)
         if n > 2 and far < _action_of(problem, string[0]):

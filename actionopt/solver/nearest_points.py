@@ -17,7 +17,6 @@ from actionopt.discrete.surfaces import onto
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.scales import diagonal
-from actionopt.solver.arrivals import arrivals, meeting_speed
 from actionopt.solver.between import solve_on_the_way
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.first_paths import (
@@ -28,6 +27,7 @@ from actionopt.solver.first_paths import (
     line,
     straight,
 )
+from actionopt.solver.single_shooting import arrivals, meeting_speed
 from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch

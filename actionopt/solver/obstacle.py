@@ -1,9 +1,9 @@
 """Paths of least action along an obstacle, f(q, t) >= 0: the path, and the times of contact.
 
-Where a path touches the obstacle (`touching`) f = 0 is a constraint like any other, elements end
-where contact begins and ends, and the path is followed from mesh to mesh as other paths are. The
-times of contact are unknowns of the same Newton's method: a path of least action meets the obstacle
-tangentially,
+Where a path touches the obstacle (`first_contacts`) f = 0 is a constraint like any other, elements
+end where contact begins and ends, and the path is followed from mesh to mesh as other paths are.
+The times of contact are unknowns of the same Newton's method: a path of least action meets the
+obstacle tangentially,
 
     df/dt = f_q . v + f_t = 0    where contact begins and ends, on the free side of it,
 
@@ -36,17 +36,17 @@ from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
-from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
-from actionopt.solver.ipopt import IPOPT_TOLERANCE
-from actionopt.solver.iterate import Iterate, UnfixedPath
-from actionopt.solver.signals import HALVINGS
-from actionopt.solver.touching import (
+from actionopt.solver.first_contacts import (
     is_of_higher_order,
     normal_turns,
     rows_along,
     runs,
     sample_times,
 )
+from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
+from actionopt.solver.ipopt import IPOPT_TOLERANCE
+from actionopt.solver.iterate import Iterate, UnfixedPath
+from actionopt.solver.signals import HALVINGS
 from actionopt.solver.window import set_phase
 from actionopt.solver.workspace import PATIENT, Workspace
 from actionopt.tools.types import EPS, RANK, Array

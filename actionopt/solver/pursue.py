@@ -24,8 +24,8 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_arguments, curve, read_guess
-from actionopt.solver.begun_along import begin_along
 from actionopt.solver.between import Choices, Found, between
+from actionopt.solver.closed_contact import begin_at_surface
 from actionopt.solver.durations import oscillations, turning_waypoints
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.free_contact import free_contact
@@ -138,7 +138,7 @@ def _from_anywhere(problem: Problem, guess: Guess | None, choices: Choices) -> F
     """Return a closed path along an obstacle, found from a free start and begun on its surface."""
     free = problem.replace(start=Event(problem.start.t, [None] * problem.system.n))
     found = first_acceptable(free, guess, choices)
-    return begin_along(problem, found[0], choices) if found[0].success else found
+    return begin_at_surface(problem, found[0], choices) if found[0].success else found
 
 
 def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:

@@ -31,7 +31,6 @@ from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import family
 from actionopt.solver.arguments import Guess
-from actionopt.solver.arrivals import arrivals, can_depart
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.closed import begin_later, passage_times
 from actionopt.solver.durations import explain_barrier
@@ -57,6 +56,7 @@ from actionopt.solver.iterate import (
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine, settle_on
 from actionopt.solver.signals import SIGNALS, status_of
+from actionopt.solver.single_shooting import arrivals, can_depart
 from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import PATIENT, Workspace, alike

@@ -1,4 +1,4 @@
-"""Strings drawn tight round an obstacle, by the points at which its tangent planes touch it.
+"""Strings drawn taut round an obstacle, by the points at which its tangent planes touch it.
 
 The normal of a convex body determines the point at which it touches the plane with that normal:
 
@@ -24,7 +24,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import Arc
-from actionopt.solver.touching import ACROSS, rows_along, runs, sample_times
+from actionopt.solver.first_contacts import ACROSS, rows_along, runs, sample_times
 from actionopt.tools.types import EPS, Array
 
 ANGLE = np.pi / 24  # by which a normal is turned at once; ad hoc
@@ -263,10 +263,10 @@ class WayOut:
         return np.concatenate([[-self.normal], axes, -axes])
 
 
-def tight_string(
+def taut_string_round(
     found: DiscretePath, side: Callable[[float], Array]
 ) -> tuple[Path, tuple[Arc, ...]] | None:
-    """Return a path tight round what a path passes through, and its parts in contact.
+    """Return a path taut round what a path passes through, and its parts in contact.
 
     None if it passes through nothing, or through what has no edge to that side, such as a plane.
     The `side` is a direction (n,) at a time, coordinates in units of their `measures`.

@@ -1,7 +1,7 @@
-"""Closed paths along an obstacle that begin on a surface: found free of it, begun where they meet.
+"""Closed paths in contact with an obstacle that begin on a surface.
 
-Without a clock a closed path may begin anywhere along itself. Where it meets the surface it is
-found again with the coordinate given that passes fastest there.
+Without a clock a closed path may begin anywhere along itself: it is found free of the surface, and
+where it meets that it is found again with the coordinate given that passes fastest there.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ZERO_PLACE = 100 * EPS  # of a coordinate's size, where a path passes zero; ad h
 NOT_MET = "the closed path found without its surface does not meet it: move the surface"
 
 
-def begin_along(problem: Problem, free: Solution, choices: Choices) -> Found:
+def begin_at_surface(problem: Problem, free: Solution, choices: Choices) -> Found:
     """Return a closed path along an obstacle begun where it meets its surface, and the verdict."""
     shift = _first_passage(problem, free)
     if shift is None:

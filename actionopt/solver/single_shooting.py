@@ -1,4 +1,4 @@
-"""First paths by motions that set out from the start and arrive, or nearly, as the end asks.
+"""First paths by single shooting: motions that set out from the start and arrive as the end asks.
 
 Paths that are followed from one over a given duration, or from the nearest point of a surface, are
 one family of many; motions in all directions belong to all of them. Where a time is free, each is

@@ -1,9 +1,10 @@
-"""Follow many paths of a family at once, each as `newton.follow` would, and measure each.
+"""Newton's method on many paths of a family at once, and the measures of each.
 
-All are on one mesh, relative to their durations, and near already. What `iterate` and `solve` ask
-of one path is asked here of arrays: what its mesh leaves out, its round-off, what another
-quadrature finds, how far round-off in the matrix would move it. A path that does not contract, or
-of which any of this raises doubt, is not judged here: `solve` takes it alone.
+Each is followed as `newton.follow` would. All are on one mesh, relative to their durations, and
+near already. What `iterate` and `solve` ask of one path is asked here of arrays: what its mesh
+leaves out, its round-off, what another quadrature finds, how far round-off in the matrix would move
+it. A path that does not contract, or of which any of this raises doubt, is not judged here: `solve`
+takes it alone.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where a path touches an obstacle, f(q, t) >= 0: a first one, and what it tells of contact.
+"""First paths outside of an obstacle, f(q, t) >= 0, and which parts of them are in contact.
 
 On a coarse mesh Ipopt minimises S with f >= 0 at the nodes, in a form that tells the distance
 (`System.with_contact_distance`); its multipliers tell which parts of the path are in contact. What

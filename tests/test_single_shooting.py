@@ -7,7 +7,7 @@ import systems
 import actionopt as ao
 from actionopt.analysis import shooting
 from actionopt.analysis.shooting import integrate
-from actionopt.solver.arrivals import SPANS, MissUnits, arrivals, misses
+from actionopt.solver.single_shooting import SPANS, MissUnits, arrivals, misses
 
 SPRING = systems.oscillator()
 
