@@ -298,7 +298,8 @@ def test_grazing_contact(more):
         assert sol.compare().agrees
 
 
-def test_at_rest_in_a_corner():
+@pytest.mark.parametrize("rows", [lambda f, g: [f, g], lambda f, g: np.fmin(f, g) / 2])
+def test_at_rest_in_a_corner(rows):
     """A heavy string in a trough comes along one plane, lies in the corner, leaves on the other."""
     g, slopes, lengths, rest = 3.0, np.array([0.7, 0.4]), np.array([0.5, 0.8]), 0.6
     normals = np.array([[np.sin(slopes[0]), np.cos(slopes[0])], [-np.sin(slopes[1]), 0]])
@@ -306,7 +307,7 @@ def test_at_rest_in_a_corner():
     trough = ao.System(
         lambda q, v, t: v @ v / 2 + g * q[1],
         ["x", "y"],
-        obstacle=lambda q, t: [float(a) * q[0] + float(b) * q[1] for a, b in normals],
+        obstacle=lambda q, t: rows(*(float(a) * q[0] + float(b) * q[1] for a, b in normals)),
     )
     first, last = np.sqrt(2 * lengths / (g * np.sin(slopes)))  # l = g sin(slope) t^2 / 2
     A, B = (
@@ -322,9 +323,10 @@ def test_at_rest_in_a_corner():
         pytest.approx((0, 0, first + rest)),
         pytest.approx((1, first, T)),
     ]
+    size = 1 if isinstance(rows(1, 1), list) else 2  # half of a row is pressed twice as much
     force = sol.contact_force(first + rest / 2)
-    assert normals.T @ force == pytest.approx([0, g])  # its weight, of both
-    assert sol.contact_force(first / 2) == pytest.approx([g * np.cos(slopes[0]), 0])
+    assert normals.T @ force == pytest.approx([0, size * g])  # its weight, of both
+    assert sol.contact_force(first / 2) == pytest.approx([size * g * np.cos(slopes[0]), 0])
 
 
 def test_a_ball_held_at_a_moving_inclined_ceiling():
@@ -575,6 +577,52 @@ def test_why_there_is_no_path():
 def test_a_surface_without_a_normal_is_named(row, why):
     with pytest.raises(ao.SolveError, match=why):
         ao.solve(ao.Problem(body(row), ao.Event(0, [-2.5, 0.1]), ao.Event(1, [2.5, -0.2])))
+
+
+@pytest.mark.parametrize(
+    "row, parts",
+    [
+        (lambda q: np.fmin(q[0] - 1, 2 * q[1] ** 2), lambda x, y: [x - 1, 2 * y**2]),
+        (lambda q: 1 - abs(q[0]), lambda x, y: [1 - x, 1 + x]),
+        (
+            lambda q: 3 - 2 * np.fmax(abs(q[0] - 1), q[1]) - q[0] ** 2,
+            lambda x, y: [3 - 2 * z - x**2 for z in (x - 1, 1 - x, y)],
+        ),
+        (
+            lambda q: 1 - abs(q[0]) - abs(q[1]) * 3,
+            lambda x, y: [1 + a * x + 3 * b * y for a in (-1, 1) for b in (-1, 1)],
+        ),
+        (lambda q: q[1] - abs(np.fmin(q[0], 0)), lambda x, y: [y - abs(min(x, 0))]),
+        (lambda q: np.fmax(abs(q[0]), abs(q[1])) - 1, lambda x, y: [max(abs(x), abs(y)) - 1]),
+        (lambda q: np.fmin(q @ q - 1, 2.0), lambda x, y: [min(x**2 + y**2 - 1, 2.0)]),
+        (lambda q: sum(-abs(q[0] - k) for k in range(5)), None),  # too many
+    ],
+)
+def test_a_minimum_is_several_rows(row, parts):
+    for place in ([0.3, -0.7], [-1.9, 0.2], [1.3, 2.1]):
+        found = body(row).obstacle(place, 0.0)
+        assert found.min() == pytest.approx(row(np.array(place)))
+        assert parts is None or sorted(found) == pytest.approx(sorted(parts(*place)))
+    assert parts is not None or found.size == 1
+
+
+def test_what_goes_round_a_corner():
+    """What is said where a string turns on corners, such as a square's, leads round it."""
+    ends = ao.Event(0, [-3, 0.2]), ao.Event(1, [3, -0.1])
+    corners = [[-1.0, 1.0], [1.0, 1.0]]
+    through = [ao.Event(None, corner) for corner in corners]
+    sharp = ao.solve(ao.Problem(body(), *ends, through=through))
+    points = np.array([ends[0].q, *corners, ends[1].q], dtype=float)
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    assert np.sqrt(2 * sharp.action) == pytest.approx(length, rel=1e-12)
+
+    def rounded(f, g):
+        return (f + g + np.sqrt((f - g) ** 2 + 0.1**2)) / 2
+
+    smooth = body(lambda q: rounded(rounded(q[0], -q[0]), rounded(q[1], -q[1])) - 1)
+    assert np.sqrt(2 * ao.solve(ao.Problem(smooth, *ends)).action) == pytest.approx(
+        length, rel=1e-2
+    )
 
 
 def thin(width, angle=0.0):

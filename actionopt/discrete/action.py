@@ -263,7 +263,7 @@ class Action:
         nodes = self.mesh.nodes[layout.row_nodes][:, None]
         G = system.pointwise("constraint_jacobian")(Q[layout.row_nodes], nodes, problem.packed)[0]
         sizes = np.zeros(system.m)
-        largest = np.max(np.abs(G), axis=0, initial=0.0)
+        largest = np.max(np.abs(G), axis=0, initial=0.0, where=np.isfinite(G))
         np.maximum.at(sizes, layout.G_rows, largest * self.lengths[layout.G_cols])
         return unit, np.tile(np.where(sizes > 0, sizes, 1.0), self.order)
 

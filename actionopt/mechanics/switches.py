@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -42,6 +43,7 @@ SUMS = (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE)
 ENTIRE_CODES = (ca.OP_SQ, ca.OP_SIN, ca.OP_COS)
 ROOTS = (ca.OP_SQRT, ca.OP_LOG)
 POWERS = (ca.OP_POW, ca.OP_CONSTPOW)
+MOST_PARTS = 16  # of a minimum, such as the 8 of 1 - |x| - |y| - |z|; ad hoc
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +132,64 @@ def is_smooth_in_path(law: Tape) -> bool:
         and any(of_path[i] for i in node.operands[: 2 - (node.operation == ca.OP_IF_ELSE_ZERO)])
         for node in law.nodes
     )
+
+
+class Parts(NamedTuple):
+    """A value, and expressions whose minimum and whose maximum it is."""
+
+    value: ca.SX
+    low: list[ca.SX]
+    high: list[ca.SX]
+
+    def times(self, number: float) -> Parts:
+        """Return the parts of a multiple."""
+        low, high = (self.low, self.high)[:: 1 if number > 0 else -1]
+        return Parts(number * self.value, [number * x for x in low], [number * x for x in high])
+
+
+def minimum_parts(row: ca.SX, s: Symbols) -> list[ca.SX]:
+    """Return expressions of (q, t, p) whose minimum is a row: min(f, g) >= 0 is f >= 0 and g >= 0.
+
+    |x| is max(x, -x), sums and multiples of minima are minima, and so are the negatives of maxima.
+    It is the row alone if it is no minimum of expressions that each contain a coordinate.
+    """
+    arguments = [s.q, s.t, s.p]
+    law = Tape(arguments, [row])
+    if is_smooth(law):
+        return [row]
+
+    def pairs(code: int, a: list[ca.SX], b: list[ca.SX]) -> list[ca.SX]:
+        return [apply(code, [x, y]) for x in a for y in b]
+
+    def parts_of(node: Node, operands: list[Parts]) -> Parts:
+        code, (of, entry) = node.operation, node.entry
+        if not operands:
+            x = arguments[of][entry] if node.kind == "input" else ca.SX(node.value)
+            return Parts(x, [x], [x])
+        x, y = operands[0], operands[-1]
+        value = apply(code, [operand.value for operand in operands])
+        found = whole = Parts(value, [value], [value])
+        if code == ca.OP_FMIN:
+            found = Parts(value, x.low + y.low, pairs(code, x.high, y.high))
+        elif code == ca.OP_FMAX:
+            found = Parts(value, pairs(code, x.low, y.low), x.high + y.high)
+        elif code == ca.OP_FABS and len(x.low) == len(x.high) == 1:
+            found = Parts(value, [value], [x.value, -x.value])
+        elif code == ca.OP_ADD:
+            found = Parts(value, pairs(code, x.low, y.low), pairs(code, x.high, y.high))
+        elif code == ca.OP_SUB:
+            found = Parts(value, pairs(code, x.low, y.high), pairs(code, x.high, y.low))
+        elif code in (ca.OP_NEG, ca.OP_TWICE):
+            found = x.times(-1.0 if code == ca.OP_NEG else 2.0)
+        elif code == ca.OP_MUL and x.value.is_constant():
+            found = y.times(float(x.value))
+        elif code in (ca.OP_MUL, ca.OP_DIV) and y.value.is_constant():
+            number = float(y.value)
+            found = x.times(number if code == ca.OP_MUL else 1 / number)
+        return found if max(len(found.low), len(found.high)) <= MOST_PARTS else whole
+
+    parts = law.fold(parts_of)[law.results[0][0]].low
+    return parts if all(ca.depends_on(part, s.q) for part in parts) else [row]
 
 
 def adds_time(lagrangian: Tape) -> bool:

@@ -23,6 +23,7 @@ from actionopt.mechanics.identity import general_states, vanishes
 from actionopt.mechanics.laws import Once
 from actionopt.mechanics.lengths import check_length, square
 from actionopt.mechanics.pickling import reduce
+from actionopt.mechanics.switches import minimum_parts
 from actionopt.mechanics.tracing import (
     ParameterTable,
     Symbols,
@@ -65,7 +66,8 @@ class System(NumericLaws):
         `force(q, v, t, *, ...)`: the n generalized non-conservative forces Q.
     obstacle : callable, optional
         `obstacle(q, t, *, ...)`: one expression f or a sequence of r of them; f(q, t) >= 0 along
-        the path, whose action is least among those that satisfy it. Not with `force`.
+        the path, whose action is least among those that satisfy it. A minimum of r' expressions,
+        such as 1 - abs(x) of two, is r' rows. Not with `force`.
     integral : callable, optional
         `integral(q, v, t, *, ...)`: one expression g or a sequence of c of them, whose integrals
         along the path a `Problem` may give. Not with `obstacle`. With `force` L + kappa.g takes
@@ -314,6 +316,8 @@ class System(NumericLaws):
                 )
             given, names = call(obstacle, "obstacle", {"q": Q, "t": T}, named)
             outside, used = surface(given, "obstacle"), used | names
+            rows = ca.vertsplit(outside)
+            outside = ca.vertcat(*(x for row in rows for x in minimum_parts(row, symbols)))
         integrands = ca.SX(0, 1)
         if integral is not None:
             if obstacle is not None:

@@ -67,9 +67,11 @@ STALLED_TIME = 1e-6
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
 KINKED = (
-    "expected an obstacle that is smooth in the coordinates, found a kink or a corner (fmax, fmin, "
+    "expected an obstacle that is smooth in the coordinates, found a kink or a corner (fmax, "
     "fabs), where its force has no direction: round it, such as by (x**4 + y**4)**(1/4) for the "
-    "larger of abs(x) and abs(y); give fmin(f, g) as two rows"
+    "larger of abs(x) and abs(y), or (f + g + sqrt((f - g)**2 + w**2))/2 for that of f and g, w a "
+    "tenth of its size; a path that touches corners alone is one through them, without the "
+    "obstacle: ao.Problem(..., through=[ao.Event(None, corner), ...])"
 )
 NO_SLOPE = "the obstacle has no slope where it is met: give a function that has, such as a distance"
 ORDER = (
