@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from actionopt.gallery.course.concepts import QUESTIONS
 from actionopt.gallery.course.lesson import MINUTES, Lesson
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.course.spoken import translate
@@ -64,6 +65,13 @@ def _note(lesson: Lesson) -> str:
         (say("What to say"), lesson.trap),
     )
     body = "".join(f"<dt>{name}</dt><dd>{translate(text)}</dd>" for name, text in said)
+    asked = "".join(
+        f'<li><a href="concepts.html#{x.name}">{translate(x.text)}</a></li>'
+        for x in QUESTIONS
+        if x.lesson == lesson.name
+    )
+    if asked:
+        body += f"<dt>{say('Questions on its idea')}</dt><dd><ul>{asked}</ul></dd>"
     return (
         f'<section id="{lesson.name}"><h3>{translate(lesson.title)}</h3><dl>{body}</dl></section>'
     )
