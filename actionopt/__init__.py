@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from actionopt.mechanics.events import Bounce, Event, Periodic, State
 from actionopt.mechanics.obstacle import Arc
-from actionopt.mechanics.pfaffian import integrate_pfaffian
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.symmetry import Conserved, Symmetry, find_symmetries, noether
 from actionopt.mechanics.system import System
 
 if TYPE_CHECKING:  # what is found by `__getattr__`
@@ -39,6 +37,8 @@ if TYPE_CHECKING:  # what is found by `__getattr__`
     from actionopt.families.runs import Runs
     from actionopt.families.sweep import sweep
     from actionopt.families.trace import trace
+    from actionopt.mechanics.pfaffian import integrate_pfaffian
+    from actionopt.mechanics.symmetry import Conserved, Symmetry, find_symmetries, noether
     from actionopt.solver.solve import solve
 
 __all__ = [
@@ -110,6 +110,8 @@ _LATER = {  # modules that are imported when one of their names is asked for
     "families.runs": "Runs",
     "families.sweep": "sweep",
     "families.trace": "trace",
+    "mechanics.pfaffian": "integrate_pfaffian",
+    "mechanics.symmetry": "Conserved Symmetry find_symmetries noether",
     "solver.solve": "solve",
 }
 

@@ -371,6 +371,12 @@ def test_public_names_are_all_there_and_rooms_cost_nothing_until_asked_for():
     code = (
         "import sys, actionopt as ao\n"
         "assert 'actionopt.plot' not in sys.modules\n"
+        "line = ao.System(lambda q, v, t: v @ v - q @ q, ['x'])\n"
+        "ao.solve(ao.Problem(line, ao.Event(0, 0), ao.Event(1, 1)))\n"
+        "kinds = 'rays through unfixed obstacle free_contact nearest_points'.split()\n"
+        "assert not [k for k in kinds if f'actionopt.solver.{k}' in sys.modules]\n"
+        "assert 'actionopt.analysis.compare' not in sys.modules\n"
+        "assert not {'numpy.ma', 'multiprocessing', 'json'} & set(sys.modules)\n"
         "assert all(callable(getattr(ao, name)) or name == 'Status' for name in ao.__all__)\n"
         "rooms = {'chapter', 'gallery', 'plot', 'scenes', 'suite'}\n"
         "assert set(dir(ao)) == {*ao.__all__, *rooms, '__version__'}\n"

@@ -9,42 +9,30 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.analysis.action_function import action_function, opti
-from actionopt.analysis.compare import Comparison, compare, join
-from actionopt.analysis.flow import ZERO_SIZE
-from actionopt.analysis.index import Inertia, inertia, inertia_asked, inertia_through
-from actionopt.analysis.ostrogradsky import (
-    CanonicalPath,
-    compare_motion,
-    energy,
-    momenta,
-    multipliers,
-)
-from actionopt.analysis.saved import save
-from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
-from actionopt.analysis.tables import dataset, frame
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.discrete_path import DiscretePath, Unknowns
-from actionopt.discrete.end_times import by_times
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
-from actionopt.discrete.surfaces import reactions
 from actionopt.mechanics.events import Bounce, Event, State
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.reflection import leave
 from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.analysis.compare import Comparison
+    from actionopt.analysis.index import Inertia
+    from actionopt.analysis.sensitivity import Sensitivity
 
 IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")
 
@@ -139,6 +127,8 @@ class Solution:
             return self.ends.momenta
         system, parameters = self.problem.system, self.problem.parameters
         if system.order > 1 and system.m:
+            from actionopt.analysis.ostrogradsky import momenta
+
             return _read_only(*momenta(self.between_times.discrete).values.T[[0, -1]])
         if system.order > 1:
             return self._free_momenta
@@ -189,6 +179,8 @@ class Solution:
 
         The momenta are p0 = mu on_q and p1 = -mu on_q, in the coordinates that are free there.
         """
+        from actionopt.discrete.surfaces import reactions
+
         at, surfaces = self.discrete, self.problem.surfaces
         mu = [np.zeros(0) if e is None else reactions(at, -k)[0] for k, e in enumerate(surfaces)]
         return _read_only(mu[0], mu[1])
@@ -263,6 +255,8 @@ class Solution:
     @cached_property
     def jumps(self) -> tuple[Array, Array]:
         """`impulses` and `energy_jumps`: -dS/dq and dS/dt at events of given place."""
+        from actionopt.discrete.end_times import by_times
+
         system, at = self.problem.system, self.discrete
         if not self.problem.through:
             return _read_only(np.zeros((0, system.order * system.n)), np.zeros(0))
@@ -279,6 +273,8 @@ class Solution:
     @property
     def time_slopes(self) -> Array:
         """dS/dt by the times of all events at fixed coordinates, (k + 2,): H0, jumps of H, -H1."""
+        from actionopt.discrete.end_times import by_times
+
         times = by_times(self.discrete)
         times[1:-1] = self.energy_jumps
         if self.problem.system.order > 1 and self.problem.system.m:
@@ -369,6 +365,8 @@ class Solution:
         p_2 = dL/da of v, (2 n, K), and so on; after an event that is passed, at its time.
         """
         if self.problem.system.order > 1:
+            from actionopt.analysis.ostrogradsky import momenta
+
             return self._along_legs(momenta, t)
         return self._pointwise("momentum", t)
 
@@ -378,6 +376,8 @@ class Solution:
         Where L contains accelerations, H = p_1 . v + p_2 . a - L, with `momentum`.
         """
         if self.problem.system.order > 1:
+            from actionopt.analysis.ostrogradsky import energy
+
             return self._along_legs(energy, t)[0]
         return self._pointwise("energy", t)
 
@@ -389,6 +389,8 @@ class Solution:
         """
         if self.problem.system.order == 1:
             return np.stack([self(t), self.velocity(t)])
+        from actionopt.analysis.ostrogradsky import CanonicalPath
+
         found = self._along_legs(lambda at: CanonicalPath(at, 0.0).derivatives, t)
         return found.reshape(-1, self.problem.system.n, *found.shape[1:])
 
@@ -423,6 +425,8 @@ class Solution:
         contains accelerations by those of the polynomials, and with fewer digits.
         """
         if self.problem.system.order > 1:
+            from actionopt.analysis.ostrogradsky import multipliers
+
             return self._along_legs(multipliers, t)
         return self._pointwise("multipliers", t)
 
@@ -466,6 +470,8 @@ class Solution:
         Of a path whose duration was to be found it is that of S + E T, the duration varying;
         `between_times` has the other.
         """
+        from actionopt.analysis.index import inertia, inertia_asked, inertia_through
+
         if self.problem.is_course and not self.problem.closes:
             return inertia_through(self.discrete, self.error)
         if self.problem.has_free_boundary:
@@ -575,6 +581,9 @@ class Solution:
         At the end of each, to first order, in the coordinates' sizes. Of events on one surface,
         anywhere on it and at any time: others may be kicks.
         """
+        from actionopt.analysis.flow import ZERO_SIZE
+        from actionopt.mechanics.reflection import leave
+
         asked, found = self.problem.original, 0.0
         size = np.abs(self.path.values).max(axis=1)
         size = np.where(size > ZERO_SIZE * size.max(), size, size.max() or 1.0)
@@ -596,6 +605,8 @@ class Solution:
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
+        from actionopt.analysis.sensitivity import sensitivity
+
         return sensitivity(self.discrete, self.error, self.momenta, self.impulses, self.time_slopes)
 
     def action_function(self) -> ca.Function:
@@ -609,6 +620,8 @@ class Solution:
 
         Raises ValueError for closed paths, ends at infinity and several laws.
         """
+        from actionopt.analysis.action_function import action_function
+
         self.problem.system.check_order("the action as a function of nodes")
         return action_function(self.problem, self.discrete.tr)
 
@@ -621,6 +634,8 @@ class Solution:
 
         Raises ValueError as `action_function` does.
         """
+        from actionopt.analysis.action_function import opti
+
         self.problem.system.check_order("the action as a function of nodes")
         return opti(self.problem, self.path, self.discrete.tr)
 
@@ -634,6 +649,8 @@ class Solution:
 
         Raises ImportError if xarray is not installed, ValueError for times outside.
         """
+        from actionopt.analysis.tables import dataset
+
         return dataset(self, t)
 
     def to_dataframe(self, t: ArrayLike | None = None) -> Any:
@@ -646,10 +663,14 @@ class Solution:
 
         Raises ImportError if pandas is not installed, ValueError for times outside.
         """
+        from actionopt.analysis.tables import frame
+
         return frame(self, t)
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
+        from actionopt.analysis.saved import save
+
         save(
             file,
             self.problem,
@@ -672,6 +693,8 @@ class Solution:
 
     @cached_property
     def _comparison(self) -> Comparison:
+        from actionopt.analysis.compare import compare, join
+
         if self.problem.through:
             parts = self.parts
             return join([part.compare() for part in parts], self._law_deviation(parts))
@@ -682,6 +705,8 @@ class Solution:
                 "the free parts, each as a problem of its own without the obstacle"
             )
         if self.problem.system.order > 1:
+            from actionopt.analysis.ostrogradsky import compare_motion
+
             return compare_motion(self.between_times.discrete, self.error)
         return compare(self)
 

@@ -18,7 +18,7 @@ from actionopt.discrete.action import Action
 from actionopt.tools.lobatto import Sampling
 from actionopt.tools.types import Array, NDInt
 
-PANEL_COUNTS = np.unique([2**k * f for k in range(13) for f in (1, 3)])  # few kinds of elements
+PANEL_COUNTS = np.sort([2**k * f for k in range(13) for f in (1, 3)])  # few kinds of elements
 # Ad hoc. A third of the shares or three times as much, or 2 to 8 parts: 2 % of the unknowns and two
 # meshes of a hundred on the scenes.
 CUT_SHARE = 0.1  # of what the worst element misses, for which one is cut

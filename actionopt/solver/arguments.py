@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.analysis.shooting import hermite
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.mesh import Mesh
@@ -16,7 +15,6 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.course import check_phase
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
-from actionopt.solver.other_curves import read_curve
 from actionopt.tools.checks import among, numbers, tolerance
 from actionopt.tools.types import Array
 
@@ -88,6 +86,8 @@ def read_guess(problem: Problem, guess: Any) -> Guess | None:
     """
     if guess is None or isinstance(guess, Solution | Path):
         return guess
+    from actionopt.solver.other_curves import read_curve
+
     path = read_curve(guess, problem.system.coordinates)
     if path is None or problem.free_time:
         return guess if path is None else path
@@ -134,6 +134,8 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
     if not np.all(np.isfinite(points)):
         raise ValueError("expected finite waypoints, found NaN or infinity")
     times = np.linspace(t0, t1, points.shape[1])
+    from actionopt.analysis.shooting import hermite
+
     smooth = hermite(times, points, _rates(problem, times, points))
     return lambda mesh: Path.interpolate(smooth, mesh)
 

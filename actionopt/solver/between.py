@@ -28,9 +28,6 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_arguments
 from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.least_along import find_least_along
-from actionopt.solver.near_guess import follow_guess, follow_neighbour
-from actionopt.solver.obstacle import Along
 from actionopt.solver.refine import settle_on
 from actionopt.solver.search import CURVED_STRATEGIES, Search, Strategy
 from actionopt.solver.signals import SIGNALS, status_of
@@ -70,17 +67,22 @@ def between(
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
     if system.r:
-        ws: Workspace = Along(Held(problem), tol=tol, watch=watch)
+        from actionopt.solver.obstacle import Along
+
+        ws = along = Along(Held(problem), tol=tol, watch=watch)
     else:
+        along = None
         ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
     for name in ("first", "second"):
         system.pointwise(name)
     ws.record.time["derive"] += perf_counter() - started
     search = Search(ws, tol, principle, mesh, choices.strategies)
     try:
-        if isinstance(ws, Along):
+        if along is not None:
+            from actionopt.solver.least_along import find_least_along
+
             search.begin("obstacle", least=True)
-            search.ws, status = find_least_along(ws, tol, curve_of)
+            search.ws, status = find_least_along(along, tol, curve_of)
             status = settle_on(search.ws, status, mesh, least=True)
         else:
             status = _find_smooth(search, guess, curve_of)
@@ -172,6 +174,8 @@ def _search(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
         if guess.problem.system is problem.system:
             ws.many = search.given is None or search.given is guess.mesh
             if (problem.packed == guess.problem.packed).all():
+                from actionopt.solver.near_guess import follow_neighbour
+
                 ws.units, ws.checked = guess.discrete.tr, True
                 status = follow_neighbour(search, guess)
     if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
@@ -180,6 +184,8 @@ def _search(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
         return search.solve_linear(curve_of)
     if guess is None or curve_of is None:
         return search.from_nothing()
+    from actionopt.solver.near_guess import follow_guess
+
     seen = None
     if not callable(guess):  # waypoints
         seen = Mesh.uniform(problem.start.t, problem.end.t, np.shape(guess)[-1] - 1, 1)

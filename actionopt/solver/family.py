@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from actionopt.analysis.index import INDEX_TOLERANCE, Inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import PhaseCondition, shares
 from actionopt.discrete.factors import Factors
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, Iterate
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.analysis.index import Inertia
+    from actionopt.discrete.bordered import Bordered
 
 # Growth of a variation in a step of inverse iteration, from where on eigenvalues are counted.
 # Measured at tolerances from 1e-12 to 0.1: on the scenes 0.3 to 9, on families 1e6 and more.
@@ -50,6 +52,8 @@ def may_be_family(ws: Workspace, status: Status) -> bool:
 
 def judge_family(ws: Workspace, solution: Solution) -> Solution:
     """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
+    from actionopt.analysis.index import INDEX_TOLERANCE
+
     near, here = solution, ws.here
     if solution.status in LOST and ws.unpolished is not None:
         ws.here = ws.unpolished
@@ -102,6 +106,9 @@ def soft_directions(here: Iterate, bordered: Bordered) -> list[Array]:
     and x is of the kernel where a vanishes (W. Govaerts, *Numerical Methods for Bifurcations of
     Dynamical Equilibria* (2000), section 3.2).
     """
+    from actionopt.discrete.bordered import Bordered
+    from actionopt.discrete.borders import PhaseCondition, shares
+
     cut, count = here.tr.layout.unknowns, 2 * here.problem.system.n + 1
     first, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((cut, count)))
     beside = np.zeros((here.tr.layout.size, count))

@@ -12,12 +12,10 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
-from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import shares
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
@@ -28,6 +26,9 @@ from actionopt.mechanics.laws import Structure
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE, diagonal
 from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.discrete.bordered import Bordered
 
 # Ad hoc, in parts of the time: elements that only singularities need, and that they need first.
 TINY_ELEMENT, SHORT_ELEMENT = 1e-6, 1e-2
@@ -258,6 +259,8 @@ class Iterate(DiscretePath):
         Where a constant is a variation, with what is as large for one, which has no rates: the path
         may be a rest, and one of a family of them.
         """
+        from actionopt.discrete.borders import shares
+
         tr, found = self.tr, np.zeros(self.equations.layout.size)
         found[: x.size] = tr.momentum(x)
         if max(len(event.pinned) for event in self.problem.joints) < self.problem.system.n:

@@ -16,7 +16,6 @@ from itertools import islice
 
 import numpy as np
 
-from actionopt.analysis.index import inertia_on_surfaces
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
@@ -25,21 +24,10 @@ from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_arguments, curve, read_guess
 from actionopt.solver.between import Choices, Found, between
-from actionopt.solver.closed_contact import begin_at_surface
-from actionopt.solver.durations import oscillations, turning_waypoints
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.free_contact import free_contact
 from actionopt.solver.iterate import AT_REST, ROUNDED
-from actionopt.solver.nearest_points import (
-    NEAREST_POINTS,
-    motions,
-    paths_between_given_times,
-    paths_to_points,
-)
 from actionopt.solver.revisions import infinite, revise_all
 from actionopt.solver.strategies import IPOPT
-from actionopt.solver.through import solve_through
-from actionopt.solver.unfixed import solve_free_boundary
 from actionopt.solver.verdict import message_of
 from actionopt.tools.watch import OutOfTime
 
@@ -83,6 +71,9 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     if not problem.has_free_boundary:
         yield revise_all(problem, guess, choices)
         return
+    from actionopt.solver.free_contact import free_contact
+    from actionopt.solver.unfixed import solve_free_boundary
+
     if problem.original.is_joined and problem.system.r:
         yield _from_anywhere(problem.original, guess, choices)
         return
@@ -136,6 +127,8 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
 
 def _from_anywhere(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return a closed path along an obstacle, found from a free start and begun on its surface."""
+    from actionopt.solver.closed_contact import begin_at_surface
+
     free = problem.replace(start=Event(problem.start.t, [None] * problem.system.n))
     found = first_acceptable(free, guess, choices)
     return begin_at_surface(problem, found[0], choices) if found[0].success else found
@@ -143,6 +136,8 @@ def _from_anywhere(problem: Problem, guess: Guess | None, choices: Choices) -> F
 
 def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path through events whose times or places are to be found, and the verdict."""
+    from actionopt.solver.through import solve_through
+
     check_arguments(problem, choices.tol, None, choices.principle, None)
     if choices.mesh is not None or choices.strategies is IPOPT:
         raise ValueError(
@@ -158,6 +153,14 @@ def starts(
     problem: Problem, guess: Guess | None, choices: Choices
 ) -> Iterable[Iterable[Guess | None]]:
     """Return groups of guesses; one is asked for only if none before led to a path."""
+    from actionopt.solver.durations import turning_waypoints
+    from actionopt.solver.nearest_points import (
+        NEAREST_POINTS,
+        motions,
+        paths_between_given_times,
+        paths_to_points,
+    )
+
     if guess is not None:
         return ([guess],)
     if problem.on_surface:
@@ -172,6 +175,8 @@ def starts(
 
 def _oscillations(problem: Problem) -> list[Path]:
     """Return small oscillations about the equilibrium near the start. Raises ValueError if none."""
+    from actionopt.solver.durations import oscillations
+
     found = oscillations(problem)
     if not found:
         raise ValueError(
@@ -185,6 +190,8 @@ def _oscillations(problem: Problem) -> list[Path]:
 
 def _index(solution: Solution) -> int:
     """Return the index of a path between surfaces; 0 where there is none to count."""
+    from actionopt.analysis.index import inertia_on_surfaces
+
     with suppress(ValueError, np.linalg.LinAlgError):
         return inertia_on_surfaces(solution.discrete, solution.error).index
     return 0

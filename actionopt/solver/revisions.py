@@ -23,7 +23,6 @@ from actionopt.solver import window
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.family import LOST, softest_condition
-from actionopt.solver.nearest_points import points
 from actionopt.solver.search import Search
 from actionopt.solver.strategies import (
     CHEAP,
@@ -32,7 +31,6 @@ from actionopt.solver.strategies import (
     IPOPT,
     STRATEGIES,
 )
-from actionopt.solver.unfixed import solve_free_boundary
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import FINEST, tolerance
@@ -106,6 +104,9 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
 
 def _on_window(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path on a window; to a surface by way of the points that are near, the least."""
+    from actionopt.solver.nearest_points import points
+    from actionopt.solver.unfixed import solve_free_boundary
+
     if not problem.on_surface:
         return between(problem, guess, choices)
     if guess is not None:

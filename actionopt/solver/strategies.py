@@ -10,7 +10,6 @@ from actionopt.solver.first_mesh import COARSE_ELEMENTS
 from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.search import Search, Strategy
 from actionopt.solver.signals import LEADS_NOWHERE
-from actionopt.solver.two_sided_shooting import curves
 from actionopt.solver.workspace import PATIENT, Workspace
 
 # Ad hoc, where nothing else is said.
@@ -162,6 +161,8 @@ class TwoSidedShooting(Strategy):
     def _refine_first(self, search: Search) -> Status:
         """Refine the first of the curves that Newton's method takes to a path."""
         ws = search.ws
+        from actionopt.solver.two_sided_shooting import curves
+
         for guesses in curves(ws.problem, self.meshes, MEETING_PAIRS, ws.watch):
             left, elements, lost = MEETING_PAIRS * IPOPT_SIZE, [], 0
             for guess in guesses:

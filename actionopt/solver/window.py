@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.analysis.modes import second_variation
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
@@ -293,6 +292,8 @@ def descend_from_saddle(solution: Solution, factors: Factors, watch: Watch | Non
 
     A straight line between equilibria may be a trap, where symmetry keeps every path on it.
     """
+    from actionopt.analysis.modes import second_variation
+
     with suppress(ValueError):
         if not (_has_least(solution.problem) and factors.negative()):
             return None

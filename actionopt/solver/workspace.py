@@ -15,7 +15,6 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
 from actionopt.discrete.energy_balance import Balance, Imbalance, is_plain, rounding
 from actionopt.discrete.factors import Factors
-from actionopt.discrete.marquardt import settle
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach, follow, move_ends
 from actionopt.discrete.path import Path
@@ -24,10 +23,8 @@ from actionopt.discrete.resolution import resolution
 from actionopt.discrete.shifted import shift_path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.component_newton import settle_by_component
 from actionopt.solver.descent import descend
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.homotopy import newton_homotopy
 from actionopt.solver.ipopt import IPOPT_SIZE, Principle, find
 from actionopt.solver.iterate import (
     DRIFT_SAFETY,
@@ -44,7 +41,6 @@ from actionopt.solver.iterate import (
 )
 from actionopt.solver.preflight import check
 from actionopt.solver.record import Record
-from actionopt.solver.resonances import Resonances
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
@@ -356,6 +352,8 @@ class Workspace(Generic[Place]):
 
     def homotopy(self) -> bool:
         """Continue from the path at hand by releasing the force that makes it a motion."""
+        from actionopt.solver.homotopy import newton_homotopy
+
         with self.record.clock("solve"):
             reached = newton_homotopy(self.here.tr, self.here.z)
         return self._polish("continuation", reached)
@@ -375,6 +373,8 @@ class Workspace(Generic[Place]):
 
     def settle(self) -> bool:
         """Go to the path near a rough one; if that fails, to where the equations hold best."""
+        from actionopt.discrete.marquardt import settle
+
         if self.problem.system.order > 1:
             return False
         with self.record.clock("solve"):
@@ -398,6 +398,8 @@ class Workspace(Generic[Place]):
 
     def pass_resonances(self) -> bool:
         """Go to a path by Newton steps that hold the modes next to a resonance, let go later."""
+        from actionopt.solver.resonances import Resonances
+
         search = Resonances(self.here.tr)
         with self.record.clock("solve"):
             z = search.path(self.here.z)
@@ -406,6 +408,8 @@ class Workspace(Generic[Place]):
 
     def settle_places(self) -> bool:
         """Go to a path by Newton steps that are limited for each coordinate by itself."""
+        from actionopt.solver.component_newton import settle_by_component
+
         with self.record.clock("solve"):
             z, count = settle_by_component(self.here.tr, self.here.z)
         self.record.iterations["newton"] += count

@@ -6,7 +6,6 @@ signals now and then, and takes whatever a handler raises for Ctrl-C, or loses i
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
 import sys
 import threading
@@ -92,6 +91,8 @@ def leave_interruptions() -> None:
 
     In a process that another one started, for good: one that waits for a task would end by it.
     """
+    import multiprocessing
+
     if (
         multiprocessing.parent_process() is not None
         and threading.current_thread() is threading.main_thread()
