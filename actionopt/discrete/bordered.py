@@ -44,7 +44,7 @@ from actionopt.discrete.stretch import by_joints
 from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.tools.types import Array
+from actionopt.tools.types import Array, NDInt
 
 
 @dataclass(eq=False)
@@ -166,6 +166,14 @@ class Bordered:
     def without_phase(self) -> tuple[Border, ...]:
         """Return the borders that are none of a phase."""
         return tuple(b for b in self.borders if not isinstance(b, PhaseCondition))
+
+    def with_integrals_alone(self) -> tuple[Bordered, NDInt]:
+        """Return those with no borders but of integrals, and where their unknowns are in y."""
+        pairs = list(zip(self.borders, self.parts, strict=True))
+        kept = [(b, part) for b, part in pairs if isinstance(b, Integral)]
+        other = Bordered(self.problem, self.first, tuple(b for b, _ in kept))
+        inner, places = np.arange(self.first.layout.size), np.arange(self.layout.size)
+        return other, np.concatenate([inner, *(places[part] for _, part in kept)])
 
     def without_integrals(self, y: Array) -> tuple[Bordered, Array]:
         """Return those of a path whose integrals may have any value, at multipliers zero."""

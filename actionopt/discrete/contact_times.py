@@ -19,10 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import Integral, Times
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
+from actionopt.discrete.integrals import integrals_by, integrands
 from actionopt.discrete.mesh import Group
 from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.transcription import Transcription
@@ -92,19 +94,32 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
     at, b = DiscretePath(tr, z[: tr.layout.size]), tr.mesh.boundaries
     knots = np.union1d(contacts_of(tr.problem).knots, times)
     rates = np.array([np.interp(b, knots, row) for row in np.eye(knots.size)])
-    rates, late = rates[np.searchsorted(knots, times)], None
-    if isinstance(equations, Bordered) and equations.log_duration is not None:  # with log T as well
-        late, given = equations.log_duration, 0 if equations.problem.end.t is None else -1
-        rates = np.vstack([rates, b - b[given]])
+    rates, beside = rates[np.searchsorted(knots, times)], []
+    if isinstance(equations, Bordered):
+        beside = list(zip(equations.borders, equations.parts, strict=True))
+        rates = np.vstack([rates, tr.joint_rates[equations.moving]])  # with the events' times
     stretch, met = Stretch(at, rates), list(slips(at))
     columns, rows = np.zeros((z.size, count)), np.zeros((len(met), z.size))
     columns[: tr.layout.size] = stretch.residuals()[:, :count]
     for row, slip in zip(rows, met, strict=True):
         row[: tr.layout.unknowns] = slip.by_path(at, stretch.second)
     own = np.array([slip.by_times(stretch) for slip in met])
-    if late is not None:
-        columns[late] = (stretch.twice()[-1] + stretch.slopes())[:count] / tr.action_unit
-        rows[:, late] = own[:, -1]
+    for border, part in beside:
+        if isinstance(border, Times):
+            events = equations.moving
+            bend = stretch.twice()[count:, :count]
+            # The parts of a leg at which contact is change with its duration.
+            joints = tr.mesh.nodes[tr.joints]
+            leg = np.searchsorted(joints, times, side="right") - 1
+            turn = stretch.slopes()[:count] / np.diff(joints)[leg]
+            bend += turn * ((events[:, None] == leg + 1).astype(float) - (events[:, None] == leg))
+            change = border.jacobian(z[part])[events]
+            columns[part] = change.T @ bend / tr.action_unit
+            rows[:, part] = own[:, count:] @ change
+        elif isinstance(border, Integral):
+            columns[part] = integrals_by(stretch)[:, :count] / border.units[:, None]
+            for row, slip in zip(rows, met, strict=True):
+                row[part] = slip.by_multipliers(at) * border.unit / border.units
     return columns, rows, own[:, :count]
 
 
@@ -238,6 +253,16 @@ class Slip(NamedTuple):
         free, found = place >= 0, np.zeros(tr.layout.unknowns)
         found[place[free]] = gradient[free]
         return found * tr.x_unit
+
+    def by_multipliers(self, at: DiscretePath) -> Array:
+        """Return its derivatives by the multipliers of integrals that are given, (c,)."""
+        _, by_q, by_v, _ = integrands(at)
+        i, sign = self.span.start + self.node, 1.0 if self.node else -1.0
+        p = [
+            at.tr.pull_back(by_q[:, k], by_v[:, k])[i] - sign * by_v[i, k]
+            for k in range(by_q.shape[1])
+        ]
+        return np.array(p) @ self.by_p
 
     @property
     def element(self) -> int:

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.stretch import by_joints
+from actionopt.discrete.stretch import Stretch, by_joints
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
@@ -15,7 +15,7 @@ from actionopt.tools.types import Array
 def integrals(at: DiscretePath) -> tuple[Array, Array]:
     """Return the integrals of the system's `integral`, (c,), and their slopes, (c, unknowns)."""
     tr = at.tr
-    g, by_q, by_v, _ = _at_nodes(at)
+    g, by_q, by_v, _ = integrands(at)
     slopes = np.zeros((g.shape[1], tr.layout.unknowns))
     for i, slope in enumerate(slopes):
         slope[:] = tr.at_unknowns(tr.pull_back(by_q[:, i], by_v[:, i])) * tr.action_unit
@@ -24,13 +24,17 @@ def integrals(at: DiscretePath) -> tuple[Array, Array]:
 
 def integrals_by_times(at: DiscretePath) -> Array:
     """Return how they change with the times of the events, (c, k + 2), as the action does."""
-    times = by_joints(at)
-    g, by_q, by_v, by_t = _at_nodes(at)
+    return integrals_by(by_joints(at))
+
+
+def integrals_by(stretch: Stretch) -> Array:
+    """Return how they change with times by which boundaries of elements move, (c, J)."""
+    g, by_q, by_v, by_t = integrands(stretch.at)
     of_each = zip(g.T, by_q.swapaxes(0, 1), by_v.swapaxes(0, 1), by_t.T, strict=True)
-    return np.array([times.sums(*parts) for parts in of_each])
+    return np.array([stretch.sums(*parts) for parts in of_each])
 
 
-def _at_nodes(at: DiscretePath) -> tuple[Array, Array, Array, Array]:
+def integrands(at: DiscretePath) -> tuple[Array, Array, Array, Array]:
     """Return g (K, c) and its derivatives by q and v, (K, c, n), and by t, (K, c), at the nodes."""
     system, point = at.problem.system, at.tr.place(at.x)
     g, by_q, by_v, by_t = _function_of(system)(point.at, point.v, at.tr.times, at.problem.packed)

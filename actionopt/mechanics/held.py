@@ -49,12 +49,13 @@ class Held(Problem):
         sought: bool = False,
         span: tuple[float, float] | None = None,
     ) -> None:
-        for name in ("start", "end", "parameters", "packed", "energy"):
+        for name in ("start", "end", "parameters", "packed", "energy", "through", "integral"):
             object.__setattr__(self, name, getattr(free, name))
         system, span = free.system.with_contact, span or (free.start.t, free.end.t)
         if sought:
             system = free.system.with_contact_distance(tuple(measures(free.lengths).tolist()))
-        asked = free.asked and Held(free.asked, arcs, sought=False, span=span)
+        told = sought and not (free.asked and free.asked.has_open_ends)
+        asked = free.asked and Held(free.asked, arcs, sought=told, span=span)
         known = {"system": system, "_free": free, "arcs": arcs, "sought": sought, "span": span}
         for name, value in (known | {"asked": asked}).items():
             object.__setattr__(self, name, value)

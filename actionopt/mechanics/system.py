@@ -70,7 +70,7 @@ class System(NumericLaws):
         such as 1 - abs(x) of two, is r' rows. Not with `force`.
     integral : callable, optional
         `integral(q, v, t, *, ...)`: one expression g or a sequence of c of them, whose integrals
-        along the path a `Problem` may give. Not with `obstacle`. With `force` L + kappa.g takes
+        along the path a `Problem` may give. With `force` L + kappa.g takes
         the place of L in the Lagrange-d'Alembert principle.
     name : str, optional
         Shown in messages and files.
@@ -320,11 +320,6 @@ class System(NumericLaws):
             outside = ca.vertcat(*(x for row in rows for x in minimum_parts(row, symbols)))
         integrands = ca.SX(0, 1)
         if integral is not None:
-            if obstacle is not None:
-                raise ValueError(
-                    "expected an integral without an obstacle, found one beside it: what contact "
-                    "does to given integrals is not known; leave one of both out"
-                )
             taken = {"q": Q, "v": V, "t": T} if order_of(integral) < order else state
             given, names = call(integral, "integral", taken, named)
             integrands, used = column(given, "integral"), used | names
@@ -442,7 +437,7 @@ class System(NumericLaws):
     def _holding(self, outside: ca.SX) -> System:
         """Return the system whose constraints are these and the rows of an obstacle."""
         held = object.__new__(System)
-        laws = self.L, ca.vertcat(self.f, outside), self.Q
+        laws = self.L, ca.vertcat(self.f, outside), self.Q, ca.SX(0, 1), self.g
         held._set(self.symbols, laws, self.coordinates, self.table, self.name, self.source)
         held._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
         return held

@@ -23,6 +23,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.preflight import check
 from actionopt.solver.search import CURVED_HEIGHT
+from actionopt.solver.waves import first_waves
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import EPS, Array
@@ -53,8 +54,16 @@ def sideways(problem: Problem) -> Array:
 
 
 def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
-    """Return the straight line (None), and lines curved to either side of it: past the obstacle."""
+    """Return the straight line (None), and lines curved to either side of it: past the obstacle.
+
+    Where integrals are given, lines bent by waves until they have their values.
+    """
     n, m = problem.system.n, problem.system.m
+    if problem.integral is not None:
+        times, random = mesh.boundaries[[0, -1]], np.random.default_rng(0)
+        straight = Path(mesh, Transcription(problem, mesh, problem.lengths).straight().T)
+        bent = first_waves(problem, straight, times, problem.lengths, 2 * n, random)
+        return [path for path, _ in bent] or [None]
     if n == 1:
         return [None]
     Q = Transcription(problem, mesh, problem.lengths).straight()
@@ -91,12 +100,17 @@ def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) ->
     tr = ws.here.tr
     with ws.record.clock("solve"):
         outside = tr.layout.row_constraint >= free.system.m
-        attempt = find(tr, ws.here.z, principle, outside)
+        equations, own = tr, slice(None, tr.layout.size)
+        if free.integral is not None:
+            equations, own = ws.here.equations.with_integrals_alone()
+        attempt = find(equations, ws.here.z[own], principle, outside)
     ws.record.iterations["ipopt"] += attempt.iterations
     ws.unbounded = attempt.status == "Diverging_Iterates"
     ws.hint = NO_ROOM if attempt.status == "Infeasible_Problem_Detected" else ""
     if attempt.converged:
-        ws.here = ws.here.moved(attempt.z)
+        z = ws.here.z.copy()
+        z[own] = attempt.z
+        ws.here = ws.here.moved(z)
         ws.record.round(tr, perf_counter() - started)
     return attempt.converged
 
@@ -269,7 +283,7 @@ def runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _pressing(found: DiscretePath) -> NDArray[np.bool_]:
     """Return at which nodes a row presses, (r, K): its multiplier exceeds the row."""
     tr, layout, system = found.tr, found.tr.layout, contacts_of(found.problem).system
-    pressing = -found.z[layout.unknowns :] > np.maximum(tr.constraint(found.x), WEAK)
+    pressing = -found.z[layout.unknowns : layout.size] > np.maximum(tr.constraint(found.x), WEAK)
     on = np.zeros((system.m, layout.node_count), dtype=bool)
     on[layout.row_constraint[pressing], layout.row_node[pressing]] = True
     if found.problem.advance is not None:  # where a path closes, its end is its start

@@ -18,6 +18,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
+FIRST_TOL = 1e-3  # of paths that are followed on to an energy, a surface or an integral; ad hoc
 LINEAR = 4  # elements to begin with where nothing has to be sought
 # Measured over the scenes and 40 stress cases: degrees 4, 5, 8 and 10 take from 3 % fewer to 10 %
 # more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an

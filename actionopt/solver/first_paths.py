@@ -37,7 +37,7 @@ from actionopt.solver.durations import (
     straight_passage,
     times_along,
 )
-from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
+from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, coordinate_scales
 from actionopt.solver.refine import ROUNDS
 from actionopt.solver.workspace import ROUGHLY
@@ -45,7 +45,6 @@ from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import Watch
 
 # Ad hoc.
-FIRST_TOL = 1e-3  # of paths that are to be followed to the energy
 REPRESENTED = 1e-4, 1e-7  # of a guess: what its first mesh leaves out, and the next one tried
 SCANNED = 9  # durations either way, each the root of two times the next, that are looked at
 TRIED_DURATIONS = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at

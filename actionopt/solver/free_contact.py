@@ -22,8 +22,8 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, solve_on_the_way
 from actionopt.solver.durations import NEAR_DURATION
+from actionopt.solver.first_mesh import FIRST_TOL
 from actionopt.solver.first_paths import (
-    FIRST_TOL,
     REPRESENTED,
     duration_along,
     guess_path,

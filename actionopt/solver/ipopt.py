@@ -1,7 +1,8 @@
 """What Ipopt sees of the discrete action; no other module knows its conventions.
 
-Two problems are put to it. *Least*: minimise S subject to the constraint rows. *Stationary*: find
-a root of the KKT residual, a square system with zero objective. Both read their functions from
+Two problems are put to it. *Least*: minimise S subject to the constraint rows, and
+to the values of integrals that are given. *Stationary*: find a root of the KKT residual, a square
+system with zero objective. Both read their functions from
 the transcription that is bound to them, so the solver of a layout is built once, by each thread
 that needs it. (MUMPS, which serves one thread at a time, is guarded by Ipopt itself.)
 
@@ -13,13 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import Bend, Gradient
 from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.interrupts import raised_later
@@ -129,23 +132,82 @@ class _Function(ca.Callback):
         return 1 if self.raised else 0
 
 
-class _Solver:
-    """Ipopt for one layout and one principle."""
+class _Given:
+    """A discrete action and integrals along its path that are given: rows behind its own.
 
-    def __init__(self, principle: Principle, tr: Transcription) -> None:
-        self.bound = tr
-        layout = tr.layout
+    The multiplier of such a row is the unknown of its border, whose action has it in the
+    Lagrangian; that without is the one at zero.
+    """
+
+    def __init__(self, bordered: Bordered) -> None:
+        self.bordered, self.layout = bordered, bordered.first.layout
+        self.added = bordered.layout.border
+
+    def _whole(self, x: Array, mu: Array | None = None) -> Array:
+        y = np.zeros(self.layout.size + self.added)
+        y[: x.size] = x
+        if mu is not None:
+            y[x.size :] = mu
+        return y
+
+    def action(self, x: Array) -> float:
+        return self.bordered.at(self._whole(x)).action(x)
+
+    def gradient(self, x: Array) -> Array:
+        return self.bordered.at(self._whole(x)).gradient(x)
+
+    def constraint(self, x: Array) -> Array:
+        at, none = self.bordered.discrete(self._whole(x)), Gradient(np.zeros(0), np.zeros(0))
+        own = [b.residual(at, np.zeros(b.size), none) for b in self.bordered.borders]
+        return np.concatenate([at.tr.constraint(x) if self.layout.rows else np.zeros(0), *own])
+
+    def jacobian(self, x: Array) -> Array:
+        at, none = self.bordered.discrete(self._whole(x)), Bend(np.zeros(0))
+        own = [b.derivative(at, np.zeros(b.size), none).rows for b in self.bordered.borders]
+        dense = np.concatenate(own)[:, : self.layout.unknowns].ravel(order="F")
+        sparse = at.tr.jacobian(x) if self.layout.rows else np.zeros(0)
+        return np.concatenate([sparse, dense])[self._stacked[1]]
+
+    @property
+    def sparsity(self) -> ca.Sparsity:
+        """That of the Jacobian."""
+        return self._stacked[0]
+
+    @cached_property
+    def _stacked(self) -> tuple[ca.Sparsity, NDArray[np.intp]]:
+        """The pattern of the sparse rows above the dense ones, and where its nonzeros are there."""
+        size = self.layout.unknowns
+        sparse = self.layout.jacobian.sparsity if self.layout.rows else ca.Sparsity(0, size)
+        dense, first = ca.Sparsity.dense(self.added, size), sparse.nnz()
+        parts = [ca.DM(x, np.arange(x.nnz())) for x in (sparse, dense)]
+        whole = ca.vertcat(parts[0], parts[1] + first)
+        return whole.sparsity(), np.array(whole.nonzeros(), dtype=np.intp)
+
+    def hessian(self, z: Array) -> Array:
+        y = self._whole(z[: self.layout.unknowns], z[self.layout.unknowns :])
+        return self.bordered.at(y).hessian(y[: self.layout.size])
+
+
+class _Solver:
+    """Ipopt for one layout, one principle, and a number of dense rows behind its own."""
+
+    def __init__(self, principle: Principle, bound: Transcription | _Given) -> None:
+        self.bound = bound
+        layout = bound.layout
+        added = bound.added if isinstance(bound, _Given) else 0
         size, rows = (
-            (layout.unknowns, layout.rows)
+            (layout.unknowns, layout.rows + added)
             if principle != "stationary"
             else (layout.size, layout.size)
         )
+        self.rows = rows
         dense = ca.Sparsity.dense
         x, p = ("x", dense(size)), ("p", ca.Sparsity(0, 0))
         lam = [("lam_f", dense(1)), ("lam_g", dense(rows))]
         f, g, grad = ("f", dense(1)), ("g", dense(rows)), ("grad_f_x", dense(size))
         if principle != "stationary":
-            J = layout.jacobian.sparsity if rows else ca.Sparsity(0, size)
+            J = layout.jacobian.sparsity if rows > added else ca.Sparsity(0, size)
+            J = bound.sparsity if isinstance(bound, _Given) else J
             H = layout.hessian.sparsity
             functions = (self._least, self._least_gradient, self._least_rows, self._least_hessian)
         else:
@@ -174,7 +236,7 @@ class _Solver:
         self.solver = ca.nlpsol("nlp", "ipopt", self.functions[0], options)
 
     def _rows(self, x: Array) -> Array:
-        return self.bound.constraint(x) if self.bound.layout.rows else np.zeros(0)
+        return self.bound.constraint(x) if self.rows else np.zeros(0)
 
     def _least(self, x, p):
         return self.bound.action(x), self._rows(x)
@@ -183,7 +245,7 @@ class _Solver:
         return self.bound.action(x), self.bound.gradient(x)
 
     def _least_rows(self, x, p):
-        return self._rows(x), self.bound.jacobian(x) if self.bound.layout.rows else np.zeros(0)
+        return self._rows(x), self.bound.jacobian(x) if self.rows else np.zeros(0)
 
     def _least_hessian(self, x, p, lam_f, lam_g):
         # S and the rows enter with their own factors: H is linear in (lam_f, lam_g).
@@ -210,25 +272,33 @@ class _Solver:
 
 
 def find(
-    tr: Transcription, z: Array, principle: Principle, outside: NDArray[np.bool_] | None = None
+    equations: Transcription | Bordered,
+    z: Array,
+    principle: Principle,
+    outside: NDArray[np.bool_] | None = None,
 ) -> Attempt:
     """Ask Ipopt for a path near z by the `principle`.
 
-    Rows that are `outside` (rows,) are inequalities, f >= 0; there a path is least.
+    Rows that are `outside` (rows,) are inequalities, f >= 0; there a path is least, and there are
+    integrals that are given beside it, if anything.
         Whatever the transcription or a signal handler raises meanwhile is raised again, as it is.
     Nothing is found where there is no Ipopt.
     """
     if not is_there():
         return Attempt(z, ABSENT, 0)
-    solvers = tr.layout.solvers
-    if principle not in solvers:
-        solvers[principle] = _Solver(principle, tr)
-    mine = solvers[principle]
-    mine.bound = tr
-    cut = tr.layout.unknowns
+    given = _Given(equations) if isinstance(equations, Bordered) else equations
+    kind = f"{principle} {given.added}" if isinstance(given, _Given) else principle
+    solvers = given.layout.solvers
+    if kind not in solvers:
+        solvers[kind] = _Solver(principle, given)
+    mine = solvers[kind]
+    mine.bound = given
+    cut = given.layout.unknowns
     bound = 0.0 if mine.functions[0].outputs[1][1].numel() else np.zeros(0)
     with np.errstate(all="ignore"), raised_later(mine.raised, stop=False):
-        above = bound if outside is None else np.where(outside, np.inf, 0.0)
+        above = bound if outside is None else np.zeros(mine.rows)
+        if outside is not None:
+            above[: outside.size][outside] = np.inf
         answer = mine.solver(x0=z[:cut] if principle != "stationary" else z, lbg=bound, ubg=above)
         stats = mine.solver.stats()
         found = answer["x"].full().ravel()

@@ -145,7 +145,7 @@ def _draw_strings(
     Ipopt's path goes through.
     """
     problem, best = ws.question, None
-    if problem.system.n == 1 or problem.system.m:
+    if problem.system.n == 1 or problem.system.m or problem.integral is not None:
         return None
     sizes, free = 2.0 ** measures(problem.lengths), _free_path(ws, mesh)
     for sign in (1.0, -1.0) if guess is None else (1.0,):
@@ -185,7 +185,8 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     """
     problem, best, far = ws.question, None, np.inf
     n, m = problem.system.n, problem.system.m
-    if n == 1 or m or problem.advance is not None or not problem.system.structure.linear:
+    beside = problem.advance is not None or problem.integral is not None
+    if n == 1 or m or beside or not problem.system.structure.linear:
         return None
     check_once(ws, mesh, None)
     free = _free_path(ws, mesh, sought=False)

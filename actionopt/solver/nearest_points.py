@@ -18,9 +18,8 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.scales import diagonal
 from actionopt.solver.between import solve_on_the_way
-from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
+from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR
 from actionopt.solver.first_paths import (
-    FIRST_TOL,
     FirstPaths,
     duration_along,
     given_time,

@@ -75,7 +75,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     from actionopt.solver.unfixed import solve_free_boundary
 
     if problem.original.is_joined and problem.system.r:
-        yield _from_anywhere(problem.original, guess, choices)
+        yield _along(problem.original, guess, choices)
         return
     if problem.original.is_joined:
         yield _through(problem.original, guess, choices)
@@ -125,10 +125,17 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         yield solve_free_boundary(problem, None, choices)
 
 
-def _from_anywhere(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
-    """Return a closed path along an obstacle, found from a free start and begun on its surface."""
-    from actionopt.solver.closed_contact import begin_at_surface
+def _along(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return a path along an obstacle beside which more is to be found, and the verdict.
 
+    A closed one that begins on a surface is found from a free start, and begun there.
+    """
+    from actionopt.solver.closed_contact import begin_at_surface
+    from actionopt.solver.free_contact import free_contact
+
+    if problem.advance is None or problem.start.on is None:
+        given = not problem.has_open_ends
+        return (between if given else free_contact)(problem, guess, choices)
     free = problem.replace(start=Event(problem.start.t, [None] * problem.system.n))
     found = first_acceptable(free, guess, choices)
     return begin_at_surface(problem, found[0], choices) if found[0].success else found

@@ -22,8 +22,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
-from actionopt.solver.first_paths import FIRST_TOL
+from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS, FIRST_TOL
 from actionopt.solver.signals import HALVINGS
 from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import EPS, RANK, Array
