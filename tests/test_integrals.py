@@ -180,13 +180,6 @@ def test_what_does_not_fit_is_refused(system, more, message):
 def test_what_integrals_do_not_go_with_is_refused():
     with pytest.raises(ValueError, match="between finite events"):
         ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Event(np.inf, [0]), integral=1)
-    with pytest.raises(ValueError, match="without an obstacle"):
-        ao.System(
-            lambda q, v, t: v @ v / 2,
-            ["x"],
-            obstacle=lambda q, t: q[0],
-            integral=lambda q, v, t: q[0],
-        )
     problem = ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Event(1, [1]), integral=1)
     with pytest.raises(ValueError, match=r"integral|ipopt"):
         ao.solve(problem, method="ipopt")

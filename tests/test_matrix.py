@@ -923,14 +923,15 @@ def _():
     check(problem, lambda t: t**2 / 2 - t / 4, lambda t: 0.75 * t)
 
 
-@refuses(
-    "obstacle",
-    "integral",
-    says="without an obstacle",
-    because="a path that is least with its integral given need not be least at its multiplier",
-)
+@solves("obstacle", "integral")
 def _():
-    mean(obstacle=lambda q, t: q[0])
+    """On the floor between two parabolas, of which J = 2 a / 3: kappa = 2 / a^2, S = 4 / (3 a)."""
+    J = 0.4
+    a = 3 * J / 2
+    problem = ask(mean(obstacle=lambda q, t: q[0]), [1], [1], 2.0, integral=J)
+    known = lambda t: (np.maximum(abs(t - 1) - 1 + a, 0) / a) ** 2  # noqa: E731
+    sol = check(problem, known, T=2.0, action=4 / (3 * a))
+    assert sol.integral_multipliers == pytest.approx([2 / a**2], rel=KNOWN)
 
 
 @solves("constraint", "integral")

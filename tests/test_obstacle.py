@@ -446,6 +446,100 @@ def test_bad_questions():
         ao.solve(ao.Problem(plain, ao.Event(0, [0]), ao.Event(1, [1]))).contact_force(0.5)
 
 
+def test_the_action_changes_with_ends_of_a_path_in_contact():
+    """Over a floor S = sqrt(8 g) (a^(3/2) + b^(3/2)) / 3: each end sees its own parabola."""
+    (a, b), g = (1.0, 0.5), 2.0
+    sol = ao.solve(ao.Problem(string(), ao.Event(0, [a]), ao.Event(4, [b])))
+    found = sol.sensitivity()
+    assert [found.q0[0], found.q1[0]] == pytest.approx([np.sqrt(2 * g * a), np.sqrt(2 * g * b)])
+    assert [found.t0, found.t1] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert found.parameters["g"] == pytest.approx(sol.action / (2 * g))
+    second = [found.q0q0[0, 0], found.q0q1[0, 0], found.q1q1[0, 0]]
+    known = [np.sqrt(g / (2 * a)), 0.0, np.sqrt(g / (2 * b))]
+    assert second == pytest.approx(known, abs=1e-9)
+    ending = ao.solve(ao.Problem(string(), ao.Event(0, [a]), ao.Event(4, [0])))
+    with pytest.raises(ValueError, match="free of the obstacle at its ends"):
+        ending.sensitivity()
+
+
+def test_the_shortest_way_changes_with_the_radius_of_a_disc():
+    """By the angle of the arc that is in contact."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2,
+        ["x", "y"],
+        parameters={"r": 1.0},
+        obstacle=lambda q, t, *, r: q @ q - r**2,
+    )
+    A, B = (-2, 0.3), (2, 0.1)
+    found = ao.solve(ao.Problem(system, ao.Event(0, A), ao.Event(1, B))).sensitivity()
+    length = np.sqrt(2 * around(A, B)[1])
+    angle = length - np.sqrt(np.dot(A, A) - 1) - np.sqrt(np.dot(B, B) - 1)
+    assert found.parameters["r"] == pytest.approx(length * angle)
+
+
+def rope():
+    """Return a rope of unit weight per length over x, kept above a floor."""
+    return ao.System(
+        lambda q, v, x: q[0] * np.sqrt(1 + v[0] ** 2),
+        ["y"],
+        obstacle=lambda q, x: q[0],
+        integral=lambda q, v, x: np.sqrt(1 + v[0] ** 2),
+    )
+
+
+def on_floor(c, a, b, D):
+    """Return a rope of the tension c on the floor, from heights a and b at a distance D.
+
+    Where it leaves the floor, its length, its weight's potential and its height.
+    """
+    heights = np.array([a, b])
+    wide, rise = c * np.arccosh(1 + heights / c), np.sqrt(heights * (heights + 2 * c))
+    low, high = wide[0], D - wide[1]
+    length = rise.sum() + high - low
+    # y + c = c cosh: the integral of (y + c) ds, less that of c ds.
+    weight = np.sum(c * wide / 2 + (heights + c) * rise / 2) - c * rise.sum()
+
+    def height(x):
+        return c * (np.cosh(np.maximum(np.maximum(low - x, x - high), 0) / c) - 1)
+
+    return (low, high), length, weight, height
+
+
+@pytest.mark.parametrize("seed", [0, *slow(*range(1, 31))])
+def test_a_rope_of_given_length_lies_on_a_floor(seed):
+    """Two catenaries of one tension, -kappa's; c is drawn, and the length follows from it."""
+    random = np.random.default_rng(seed)
+    a, b = np.exp(random.uniform(-1.5, 1.0, 2))
+    c = np.exp(random.uniform(-3.0, 1.0))
+    free = c * (np.arccosh(1 + a / c) + np.arccosh(1 + b / c))
+    D = free * random.uniform(1.02, 2.0)
+    ends, length, weight, height = on_floor(c, a, b, D)
+    sol = ao.solve(ao.Problem(rope(), ao.Event(0, [a]), ao.Event(D, [b]), integral=length))
+    x = np.linspace(0, D, 200)
+    assert sol(x)[0] == pytest.approx(height(x), abs=1e-8 * max(a, b))
+    assert [(arc.begin, arc.end) for arc in sol.contacts] == [pytest.approx(ends)]
+    assert sol.action == pytest.approx(weight) and sol.morse_index == 0
+    assert sol.integral_multipliers == pytest.approx([c])
+    assert sol.contact_force(sum(ends) / 2) == pytest.approx([1.0])
+    found = sol.sensitivity()
+    assert found.integral == pytest.approx([-c])
+    slopes = np.sqrt(np.array([a, b]) * (np.array([a, b]) + 2 * c))
+    assert [found.q0[0], found.q1[0]] == pytest.approx(slopes, rel=1e-6)
+
+
+def test_ropes_that_grow_come_to_lie_on_the_floor():
+    """They hang free until the catenary of the tension c touches it."""
+    c, (a, b) = 0.6, (1.0, 0.8)
+    D = c * (np.arccosh(1 + a / c) + np.arccosh(1 + b / c))
+    touching = on_floor(c, a, b, D)[1]
+    lengths = [touching - 0.05, touching + 0.05]
+    problem = ao.Problem(rope(), ao.Event(0, [a]), ao.Event(D, [b]), integral=lengths[0])
+    found = ao.sweep(problem, {("integral", 0): lengths})
+    assert [len(found.solution(k).contacts) for k in (0, 1)] == [0, 1]
+    with pytest.raises(ao.SolveError, match="integrals have the values"):
+        ao.solve(problem.replace(integral=np.hypot(D, a - b) - 0.1))
+
+
 def test_what_does_not_know_contact_says_so():
     problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
     sol = ao.solve(problem)
@@ -459,7 +553,6 @@ def test_what_does_not_know_contact_says_so():
             ask()
     for ask in (
         sol.compare,
-        sol.sensitivity,
         lambda: ao.conjugate_points(sol),
         lambda: ao.monodromy(sol),
     ):

@@ -27,6 +27,7 @@ from actionopt.discrete.stretch import explicit
 from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.mechanics.course import jet_normals
 from actionopt.mechanics.events import RATES
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
@@ -106,13 +107,9 @@ def sensitivity(
     Goldstein, *Classical Mechanics* (3rd ed. 2002), sections 8.6 and 10.1; J. H. Van Vleck,
     *Proc. Natl. Acad. Sci.* 14 (1928), p. 178.
     """
-    if at.problem.touches:
-        raise ValueError(
-            "expected a path that touches no obstacle, found one that does: its contact changes "
-            "with the events, which these derivatives do not count; solve for neighbouring events "
-            "and take differences, or see `momenta` for dS by the coordinates there"
-        )
     problem = at.problem
+    if isinstance(problem, Held):
+        _check_contacts(problem)
     if problem.system.structure.forced:
         form(at)  # raises
     second = second_through(at) if problem.is_course else _second_alone(at, error)
@@ -126,6 +123,18 @@ def sensitivity(
     t0, *through_t, t1 = found["times"].tolist()
     inner = found["through_q"], np.array(through_t), found["integral"]
     return Sensitivity(found["q0"], found["q1"], t0, t1, parameters, *second, *inner)
+
+
+def _check_contacts(held: Held) -> None:
+    """Raise ValueError where an end that is given is in contact."""
+    ends = (held.start, held.original.start), (held.end, held.original.end)
+    for event, asked in ends:
+        if asked.pinned and any(event.t in (arc.begin, arc.end) for arc in held.arcs or ()):
+            raise ValueError(
+                f"expected a path that is free of the obstacle at its ends, found contact at "
+                f"t = {event.t:g}: an end moves from there to one side alone, and S has no second "
+                "derivative; see `momenta` for the first"
+            )
 
 
 def slopes(
@@ -253,12 +262,15 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
         e._replace(t=x.t, q=None, **dict.fromkeys(RATES))
         for e, x in zip((asked.start, asked.end), ends, strict=True)
     )
-    equations, y = equations_of(asked.replace(start=start, end=end), at)
+    loose = asked.free.replace(start=start, end=end)
+    if isinstance(problem, Held):  # path and action depend on times of contact to second order
+        loose = Held(loose, problem.arcs, span=problem.span)
+    equations, y = equations_of(loose, at)
     planes = [np.eye(n)] * 2
     if order > 1 and problem.system.m:
         planes = _planes_of_rates(at)
     elif order == 1:
-        planes = tangent(problem, at.Q[[0, -1]], at.mesh.nodes[[0, -1], None], np.ones(n))
+        planes = tangent(problem.free, at.Q[[0, -1]], at.mesh.nodes[[0, -1], None], np.ones(n))
     layout = equations.layout
     number = (layout.inner if isinstance(layout, BorderedLayout) else layout).number
     edges, maps = [], []
