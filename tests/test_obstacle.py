@@ -505,7 +505,7 @@ def on_floor(c, a, b, D):
     return (low, high), length, weight, height
 
 
-@pytest.mark.parametrize("seed", [0, *slow(*range(1, 31))])
+@pytest.mark.parametrize("seed", [1, *slow(*range(2, 32))])
 def test_a_rope_of_given_length_lies_on_a_floor(seed):
     """Two catenaries of one tension, -kappa's; c is drawn, and the length follows from it."""
     random = np.random.default_rng(seed)

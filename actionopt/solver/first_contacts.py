@@ -23,7 +23,6 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.preflight import check
 from actionopt.solver.search import CURVED_HEIGHT
-from actionopt.solver.waves import first_waves
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import EPS, Array
@@ -60,6 +59,8 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     """
     n, m = problem.system.n, problem.system.m
     if problem.integral is not None:
+        from actionopt.solver.waves import first_waves
+
         times, random = mesh.boundaries[[0, -1]], np.random.default_rng(0)
         straight = Path(mesh, Transcription(problem, mesh, problem.lengths).straight().T)
         bent = first_waves(problem, straight, times, problem.lengths, 2 * n, random)

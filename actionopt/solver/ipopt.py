@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import Bend, Gradient
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.interrupts import raised_later
@@ -142,31 +143,29 @@ class _Given:
     def __init__(self, bordered: Bordered) -> None:
         self.bordered, self.layout = bordered, bordered.first.layout
         self.added = bordered.layout.border
-
-    def _whole(self, x: Array, mu: Array | None = None) -> Array:
-        y = np.zeros(self.layout.size + self.added)
-        y[: x.size] = x
-        if mu is not None:
-            y[x.size :] = mu
-        return y
+        self.without = bordered.at(np.zeros(bordered.layout.size))
 
     def action(self, x: Array) -> float:
-        return self.bordered.at(self._whole(x)).action(x)
+        return self.without.action(x)
 
     def gradient(self, x: Array) -> Array:
-        return self.bordered.at(self._whole(x)).gradient(x)
+        return self.without.gradient(x)
 
     def constraint(self, x: Array) -> Array:
-        at, none = self.bordered.discrete(self._whole(x)), Gradient(np.zeros(0), np.zeros(0))
+        at, none = DiscretePath(self.without, x), Gradient(np.zeros(0), np.zeros(0))
         own = [b.residual(at, np.zeros(b.size), none) for b in self.bordered.borders]
-        return np.concatenate([at.tr.constraint(x) if self.layout.rows else np.zeros(0), *own])
+        rows = self.without.constraint(x) if self.layout.rows else np.zeros(0)
+        return np.concatenate([rows, *own])
 
     def jacobian(self, x: Array) -> Array:
-        at, none = self.bordered.discrete(self._whole(x)), Bend(np.zeros(0))
+        at, none = DiscretePath(self.without, x), Bend(np.zeros(0))
         own = [b.derivative(at, np.zeros(b.size), none).rows for b in self.bordered.borders]
         dense = np.concatenate(own)[:, : self.layout.unknowns].ravel(order="F")
-        sparse = at.tr.jacobian(x) if self.layout.rows else np.zeros(0)
+        sparse = self.without.jacobian(x) if self.layout.rows else np.zeros(0)
         return np.concatenate([sparse, dense])[self._stacked[1]]
+
+    def hessian(self, z: Array) -> Array:
+        return self.bordered.at(z).hessian(z[: self.layout.size])
 
     @property
     def sparsity(self) -> ca.Sparsity:
@@ -182,10 +181,6 @@ class _Given:
         parts = [ca.DM(x, np.arange(x.nnz())) for x in (sparse, dense)]
         whole = ca.vertcat(parts[0], parts[1] + first)
         return whole.sparsity(), np.array(whole.nonzeros(), dtype=np.intp)
-
-    def hessian(self, z: Array) -> Array:
-        y = self._whole(z[: self.layout.unknowns], z[self.layout.unknowns :])
-        return self.bordered.at(y).hessian(y[: self.layout.size])
 
 
 class _Solver:

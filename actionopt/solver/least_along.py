@@ -60,7 +60,7 @@ SMALL_OBSTACLE = (
     "round something small or sharp contact is short: below about a thousandth of the path it may "
     "not be found; give a guess that goes round it, or make it larger or rounder"
 )
-UNREACHED = "no path outside of the obstacle was found whose integrals have the values that are given"
+UNREACHED = "no path outside of the obstacle was found whose integrals have the values given"
 HOPELESS = (NO_ROOM, KINKED, ORDER, DEPENDENT)  # what finer meshes do not mend
 
 
