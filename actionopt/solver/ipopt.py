@@ -162,7 +162,7 @@ class _Given:
         own = [b.derivative(at, np.zeros(b.size), none).rows for b in self.bordered.borders]
         dense = np.concatenate(own)[:, : self.layout.unknowns].ravel(order="F")
         sparse = self.without.jacobian(x) if self.layout.rows else np.zeros(0)
-        return np.concatenate([sparse, dense])[self._stacked[1]]
+        return np.concatenate([sparse, dense])[self._pattern[1]]
 
     def hessian(self, z: Array) -> Array:
         return self.bordered.at(z).hessian(z[: self.layout.size])
@@ -170,10 +170,10 @@ class _Given:
     @property
     def sparsity(self) -> ca.Sparsity:
         """That of the Jacobian."""
-        return self._stacked[0]
+        return self._pattern[0]
 
     @cached_property
-    def _stacked(self) -> tuple[ca.Sparsity, NDArray[np.intp]]:
+    def _pattern(self) -> tuple[ca.Sparsity, NDArray[np.intp]]:
         """The pattern of the sparse rows above the dense ones, and where its nonzeros are there."""
         size = self.layout.unknowns
         sparse = self.layout.jacobian.sparsity if self.layout.rows else ca.Sparsity(0, size)

@@ -60,7 +60,7 @@ SMALL_OBSTACLE = (
     "round something small or sharp contact is short: below about a thousandth of the path it may "
     "not be found; give a guess that goes round it, or make it larger or rounder"
 )
-UNREACHED = "no path outside of the obstacle was found whose integrals have the values given"
+OTHER_VALUES = "no path outside of the obstacle was found whose integrals have the values given"
 HOPELESS = (NO_ROOM, KINKED, ORDER, DEPENDENT)  # what finer meshes do not mend
 
 
@@ -131,7 +131,7 @@ def _search(
                 yield _least(ws, tol, first)
             ws.take_up(first[0])
         elif problem.integral is not None:
-            ws.hint = UNREACHED
+            ws.hint = OTHER_VALUES
         if k == 0 and (drawn := _draw_strings(ws, tol, mesh, guesses[0])):
             yield drawn
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
