@@ -598,6 +598,13 @@ def test_the_whole_gallery(chromium, tmp_path):
     )
     assert {text: count for text, count in said.items() if count > 5} == {}
     visit(pages(tmp_path), chromium)
+    for name in scenes.SCENES:
+        chromium.open(tmp_path / name / "index.html", still=True)
+        tall = chromium.run(
+            "[...document.querySelectorAll('[role=tab]')].map((tab) =>"
+            " (tab.click(), document.documentElement.scrollHeight))"
+        )
+        assert max(tall) < 3000, name
 
 
 def test_the_index_is_searched_and_told_by_tags(gallery, chromium):
@@ -700,6 +707,19 @@ def test_no_words_of_a_picture_are_too_small_on_a_phone(gallery, chromium):
             picture = (gallery / folder / name).read_text(encoding="utf-8")
             points = float(re.search(r'width="([\d.]+)pt"', picture)[1])
             assert 8.9 * width / points >= 11
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_an_index_is_smaller_than_its_letter(gallery, chromium, width):
+    sizes = []
+    for file in (gallery / "course" / "local.html", gallery / "course" / "slits.html"):
+        chromium.open(file, width, still=True)
+        sizes += chromium.run(
+            "[...document.querySelectorAll('math[display] :is(msub, msup)')].map((script) =>"
+            " [...script.children].map((x) => parseFloat(getComputedStyle(x).fontSize)))"
+        )
+    assert len(sizes) > 20
+    assert all(11 <= index < 0.8 * letter for letter, index in sizes)
 
 
 def test_without_scripts_the_first_frame_is_there(gallery):

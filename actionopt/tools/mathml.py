@@ -17,6 +17,7 @@ LETTERS = {
     "lamda": "lambda",
     "hbar": "\u0127",
 }  # how a name of the code is written in a book
+OF_MANY = ("L", "H")  # variables, so that their slopes are partial derivatives
 FUNCTIONS = "sin cos tan arcsin arccos arctan sinh cosh tanh log".split()
 VECTORS = ("r", "v", "Q")
 TIMES_ML, APPLY_ML = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>"
@@ -94,7 +95,8 @@ class _Writer:
             case ast.Call(ast.Name("rate"), [argument]):
                 return f"{TIME_DERIVATIVE}{THIN}{_bracket(self(argument))}"
             case ast.Call(ast.Name("slope"), [what, by]):
-                top, bottom = (f"<mrow><mi>d</mi>{self(x)}</mrow>" for x in (what, by))
+                sign = "&#x2202;" if ast.unparse(what) in OF_MANY else "d"
+                top, bottom = (f"<mrow><mi>{sign}</mi>{self(x)}</mrow>" for x in (what, by))
                 return f"<mfrac>{top}{bottom}</mfrac>"
             case ast.Call(ast.Name(name) as function, arguments) if len(name) == 1:
                 inner = "<mo>,</mo>".join(map(self, arguments))
@@ -177,4 +179,6 @@ def _is_spaced(node: ast.expr) -> bool:
 
 
 def _bracket(inner: str) -> str:
-    return f'<mrow><mo stretchy="false">(</mo>{inner}<mo stretchy="false">)</mo></mrow>'
+    """Return what is written between brackets, as tall as it is where that is a fraction."""
+    how = "" if "<mfrac>" in inner else ' stretchy="false"'
+    return f"<mrow><mo{how}>(</mo><mrow>{inner}</mrow><mo{how}>)</mo></mrow>"

@@ -121,7 +121,7 @@ GAUGE = Lesson(
         "just such a term: that is why both observers find the same motion.",
     ),
     steps=(
-        ("Two Lagrangians:", "L2 = L1 + d/dt (F)"),
+        ("Two Lagrangians:", "L2 = L1 + dF/dt"),
         ("Summed over the time, with the ends 0 and T:", "S2 = S1 + F(x(T),T) - F(x(0),0)"),
         ("Bend the path, its ends kept: what F adds is the same as before.", "dS2/da = dS1/da"),
     ),
