@@ -101,3 +101,38 @@ def test_while_an_executor_works_it_is_said_that_one_waits(monkeypatch):
         double, TASKS[:1], Pool(), lambda *answer: done.append(answer), lambda: done.append("waits")
     )
     assert done.count("waits") >= 2 and done[-1] == (0, 20)
+
+
+def look(times):
+    for _ in range(times):
+        check_time()
+        sleep(0.001)
+    return times
+
+
+def test_while_this_process_works_it_is_said_as_well(monkeypatch):
+    """Each so often, also where a task has a time limit of its own."""
+    monkeypatch.setattr("actionopt.families.dispatch.LOG_PACE", 0.004)
+    done = []
+    with time_limit(60):
+        dispatch(look, [(0, (30,))], None, lambda *x: done.append(x), lambda: done.append("waits"))
+    assert done.count("waits") >= 2 and done[-1] == (0, 30)
+    check_time()
+    assert done[-1] == (0, 30)  # nothing is told afterwards
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_what_is_raised_where_it_is_said_ends_the_task(monkeypatch, error):
+    monkeypatch.setattr("actionopt.families.dispatch.LOG_PACE", 0.0)
+
+    def waits():
+        raise error("mine")
+
+    def work():
+        try:
+            look(30)
+        except Exception:  # such as one of a member, which is no reason to end the others
+            return None
+
+    with pytest.raises(error, match="mine"):
+        dispatch(work, [(0, ())], None, lambda *_: None, waits)

@@ -16,7 +16,14 @@ import numpy as np
 from actionopt.families.task import Answers
 from actionopt.tools.journal import Journal
 from actionopt.tools.progress import LOG_PACE
-from actionopt.tools.watch import Progress, TimeUp, check_time, time_left, time_limit
+from actionopt.tools.watch import (
+    Progress,
+    TimeUp,
+    check_time,
+    tell_each,
+    time_left,
+    time_limit,
+)
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -85,7 +92,7 @@ def dispatch(
 ) -> None:
     """Have `work(*given)` done for each (task, given), and call `done(task, answers)`.
 
-    While nothing comes of an executor `waits` is called each ten seconds.
+    While a task is under way `waits` is called each ten seconds.
 
     An interruption (KeyboardInterrupt) sends no more to an executor; tasks that have begun are
     waited for and entered, which a line on the standard error says. Another one leaves them at
@@ -93,8 +100,9 @@ def dispatch(
     So are all tasks when the time given is used up.
     """
     if executor is None:
-        for task, given in tasks:
-            done(task, work(*given))
+        with tell_each(LOG_PACE, waits):
+            for task, given in tasks:
+                done(task, work(*given))
         return
     flying: dict[int, Future] = {}
     arrived: SimpleQueue[int] = SimpleQueue()

@@ -47,6 +47,9 @@ MEMBER_SECONDS, UNKNOWN_SECONDS = 1e-4, 8e-7
 # Of one with constraints or forces, solved near another one, and of its unknowns. Measured, with 30
 # to 7,340 unknowns of 1 to 40 coordinates, to a factor of two.
 ALONE_SECONDS, ALONE_UNKNOWN_SECONDS = 1e-3, 1e-5
+# Of one with more to be found than a path, and of one along an obstacle, which is sought anew.
+# Measured on seven and on five questions, to a factor of two.
+MORE_SECONDS, CONTACT_SECONDS = 6e-3, 5e-2
 MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
 SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
@@ -96,10 +99,10 @@ def sweep(
         begun.
     progress : callable, optional
         `progress(stage, done, total, detail)` after each task: "sweep", the members that are done,
-        all members, and {"failed": how many of those done failed}; and each ten seconds while an
-        executor works. An interruption (KeyboardInterrupt) ends the sweep and keeps what is done:
-        at once in this process; tasks that an executor has begun are waited for, unless it is
-        interrupted again.
+        all members, and {"failed": how many of those done failed}; and each ten seconds. An
+        interruption (KeyboardInterrupt) ends the sweep and keeps what is done: at once in this
+        process, but for the task at hand; tasks that an executor has begun are waited for, which a
+        line on the standard error says, unless it is interrupted again.
     resume : str or path, optional
         A file that keeps what is finished, task by task, and is written if there is none. The same
         call goes on from there after whatever ended the process.
@@ -154,10 +157,14 @@ def _names_to_record(record: str | Sequence[str] | None) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _alone(problem: Problem) -> bool:
-    """Whether members are solved one by one."""
+def _alone_seconds(problem: Problem) -> float:
+    """Return about how long a member takes that is solved alone; zero where they are not."""
     system = problem.system
-    return bool(has_more_than_path(problem) or system.m or system.r or system.structure.forced)
+    if system.r:
+        return CONTACT_SECONDS
+    if has_more_than_path(problem):
+        return MORE_SECONDS
+    return ALONE_SECONDS if system.m or system.structure.forced else 0.0
 
 
 def _none_solved(runs: Runs) -> None:
@@ -214,8 +221,8 @@ class _SweepRun:
         else:
             problem, unknowns = self.grid.problem, self._pilot()
             seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * problem.system.n
-            if _alone(problem):
-                seconds = ALONE_SECONDS + ALONE_UNKNOWN_SECONDS * unknowns
+            if alone := _alone_seconds(problem):
+                seconds = alone + ALONE_UNKNOWN_SECONDS * unknowns
             self.length = int(np.clip(TASK_SECONDS / seconds, 1, MOST_MEMBERS))
             first, path = next(iter(self.seeds.items()), (-1, None))
             self._keep(first, path, length=self.length)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import dataclass, replace
 from inspect import signature
 from time import perf_counter
 
@@ -42,7 +43,18 @@ class TimeUp(KeyboardInterrupt):
     """The time given to a search for many paths is used up: it ends as if it were interrupted."""
 
 
-_END: ContextVar[float] = ContextVar("end", default=math.inf)  # of `perf_counter`, in this thread
+@dataclass
+class _Clock:
+    """When, of `perf_counter`, a search for many paths ends, and when it is to tell next."""
+
+    end: float = math.inf
+    due: float = math.inf
+    pace: float = math.inf
+    tell: Callable[[], object] = lambda: None
+
+
+_NO_CLOCK = _Clock()
+_CLOCK: ContextVar[_Clock] = ContextVar("clock", default=_NO_CLOCK)  # of this thread
 
 
 @contextmanager
@@ -52,22 +64,54 @@ def time_limit(seconds: float | None) -> Iterator[None]:
     Without a limit if None. Raises ValueError as `positive_seconds` does.
     """
     end = math.inf if seconds is None else perf_counter() + positive_seconds(seconds)
-    token = _END.set(min(_END.get(), end))
+    outer = _CLOCK.get()
+    token = _CLOCK.set(replace(outer, end=min(outer.end, end)))
     try:
         yield
     finally:
-        _END.reset(token)
+        _CLOCK.reset(token)
+
+
+@contextmanager
+def tell_each(pace: float, tell: Callable[[], object]) -> Iterator[None]:
+    """Let `check_time` call `tell` in the body, in this thread, each so many seconds.
+
+    What it raises is raised at the end: what is under way ends as if the time were used up.
+    """
+    raised: list[BaseException] = []
+
+    def tell_or_end() -> None:
+        try:
+            tell()
+        except BaseException as error:
+            raised.append(error)
+            raise TimeUp from None
+
+    token = _CLOCK.set(_Clock(_CLOCK.get().end, perf_counter() + pace, pace, tell_or_end))
+    try:
+        yield
+    except TimeUp:
+        if raised:
+            raise raised[0] from None
+        raise
+    finally:
+        _CLOCK.reset(token)
 
 
 def check_time() -> None:
-    """Raise TimeUp if the time given to a search for many paths is used up."""
-    if perf_counter() > _END.get():
+    """Raise TimeUp if the time given to a search for many paths is used up; tell if it is time."""
+    clock = _CLOCK.get()
+    now = perf_counter()
+    if now > clock.end:
         raise TimeUp
+    if now > clock.due:
+        clock.tell()
+        clock.due = perf_counter() + clock.pace
 
 
 def time_left() -> float | None:
     """Return how many seconds are left, at least zero; None without a limit."""
-    end = _END.get()
+    end = _CLOCK.get().end
     return None if math.isinf(end) else max(end - perf_counter(), 0.0)
 
 
