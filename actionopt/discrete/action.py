@@ -32,7 +32,7 @@ from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.nodal import Term, rest_action, terms
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.scales import diagonal
+from actionopt.mechanics.scales import diagonal, ends_of
 from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
@@ -298,9 +298,7 @@ class Action:
         """Return straight lines between the events, (K, n); a free end keeps the other's."""
         if self.problem.through:
             return self._straight_through()
-        pairs = zip(self.problem.start.near, self.problem.end.near, strict=True)
-        known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
-        start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
+        start, end = ends_of(self.problem)
         if self.problem.advance is not None:
             end = self.problem.closed_from(start)
         s = self.mesh.nodes_since / self.mesh.duration

@@ -150,12 +150,34 @@ class Branch:
     def step(self, point: BranchPoint, length: float) -> tuple[BranchPoint, int] | None:
         """Return the point at about `length` further along and the corrections it took, or None."""
         y = np.r_[point.z, point.s] + length * point.direction
-        last = np.inf
+        found = self._correct(y, point.direction, CORRECTIONS)
+        if found is None or not np.abs(found[0][: found[1].layout.unknowns]).max() < RUNAWAY_SIZE:
+            return None
+        y, _, count = found
+        # The last transcription belongs to the s before the last, tiny correction.
+        there = BranchPoint(self.at(float(y[-1])), y[:-1], float(y[-1]), point.direction)
+        complete = self._complete(there)
+        return None if complete is None else (complete, count)
+
+    def to(self, point: BranchPoint, s: float) -> BranchPoint | None:
+        """Return the point at exactly s, near `point`, by Newton's method there; or None."""
+        z = point.z
+        if point.direction[-1]:
+            z = z + (s - point.s) / point.direction[-1] * point.direction[:-1]
+        found = self._correct(np.r_[z, s], np.r_[np.zeros(z.size), 1.0], CORRECTIONS + 2)
+        if found is None:
+            return None
+        return self._complete(BranchPoint(found[1], found[0][:-1], s, point.direction))
+
+    def _correct(self, y: Array, row: Array, most: int) -> tuple[Array, Discrete, int] | None:
+        """Return the point (z, s) across a row (size + 1,), its equations, and the corrections.
+
+        By Newton's method; None if it takes more than `most` steps, or does not contract.
+        """
+        last, tr = np.inf, self.at(float(y[-1]))
         with np.errstate(all="ignore"):
-            for k in range(1, CORRECTIONS + 1):
-                tr = self.at(y[-1])
-                miss = np.r_[tr.residual(y[:-1]), 0.0]
-                change = self._solve_bordered(tr, y, point.direction, miss)
+            for k in range(1, most + 1):
+                change = self._solve_bordered(tr, y, row, np.r_[tr.residual(y[:-1]), 0.0])
                 if change is None:
                     return None
                 size = self._size(tr, change)
@@ -163,34 +185,9 @@ class Branch:
                     return None
                 y, last = y - change, size
                 if size < LAST_CORRECTION:
-                    found = BranchPoint(tr, y[:-1], float(y[-1]), point.direction)
-                    # The transcription belongs to the s before the last, tiny correction.
-                    found = replace(found, tr=self.at(found.s))
-                    if not np.max(np.abs(found.z[: tr.layout.unknowns])) < RUNAWAY_SIZE:
-                        return None
-                    found = self._complete(found)
-                    return None if found is None else (found, k)
-        return None
-
-    def to(self, point: BranchPoint, s: float) -> BranchPoint | None:
-        """Return the point at exactly s, near `point`, by Newton's method there; or None."""
-        z, tr, last = point.z, self.at(s), np.inf
-        if point.direction[-1]:
-            z = z + (s - point.s) / point.direction[-1] * point.direction[:-1]
-        fixed = np.r_[np.zeros(z.size), 1.0]
-        with np.errstate(all="ignore"):
-            for _ in range(CORRECTIONS + 2):
-                miss = np.r_[tr.residual(z), 0.0]
-                change = self._solve_bordered(tr, np.r_[z, s], fixed, miss)
-                if change is None:
-                    return None
-                size = self._size(tr, change)
-                if not np.isfinite(size) or size > max(0.5 * last, LAST_CORRECTION):
-                    return None
-                z, last = z - change[:-1], size
-                if size < LAST_CORRECTION:
-                    found = BranchPoint(tr, z, s, point.direction)
-                    return self._complete(found)
+                    return y, tr, k
+                if row[:-1].any():  # else s is given
+                    tr = self.at(float(y[-1]))
         return None
 
     def _size(self, tr: Discrete, change: Array) -> float:

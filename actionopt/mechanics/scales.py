@@ -108,6 +108,13 @@ def diagonal(system: System, output: int, values: Array) -> Array:
     return found
 
 
+def ends_of(problem: Any) -> Array:
+    """Return coordinates (2, n) at both ends: a free one keeps the other's, or is zero."""
+    near = [problem.start.near, problem.end.near]
+    known = np.array([[np.nan if x is None else x for x in row] for row in near])
+    return np.nan_to_num(np.where(np.isnan(known), known[::-1], known))
+
+
 def _close(a: float | None, b: float | None) -> bool:
     """Whether two values lie together and far from zero."""
     return a is not None and b is not None and abs(b - a) < NEARBY * max(abs(a), abs(b))

@@ -115,29 +115,40 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
             raise ValueError(f"expected a guess of {n} coordinates, found {known.values.shape[0]}")
         return lambda mesh: Path(carry_boundaries(known.mesh, old, new, t0, t1), known.values)
     if callable(guess):
-        wanted = guess
+        known_at = checked_curve(guess, n)
+        known_at(Mesh.uniform(t0, t1, 1, 2).nodes)  # raises
+        return lambda mesh: Path(mesh, known_at(mesh.nodes))
+    points = waypoints(guess, n)
+    from actionopt.analysis.shooting import hermite
 
-        def sample(mesh: Mesh) -> Path:
-            values, K = numbers(wanted(mesh.nodes), "the guess at times t"), mesh.nodes.size
-            if values.shape != (n, K) and not (n == 1 and values.shape == (K,)):
-                raise ValueError(
-                    f"expected the guess to return ({n}, K) for K times, one column a time, found "
-                    f"shape {values.shape} for {K} times; a constant is c + 0 * t"
-                )
-            return Path(mesh, values)
+    times = np.linspace(t0, t1, points.shape[1])
+    smooth = hermite(times, points, _rates(problem, times, points))
+    return lambda mesh: Path.interpolate(smooth, mesh)
 
-        sample(Mesh.uniform(t0, t1, 1, 2))
-        return sample
+
+def checked_curve(guess: Callable[[Array], Any], n: int) -> Callable[[Array], Array]:
+    """Return a callable guess, which raises ValueError where it does not return (n, K)."""
+
+    def values_at(t: Array) -> Array:
+        values, K = numbers(guess(t), "the guess at times t"), t.size
+        if values.shape != (n, K) and not (n == 1 and values.shape == (K,)):
+            raise ValueError(
+                f"expected the guess to return ({n}, K) for K times, one column a time, found "
+                f"shape {values.shape} for {K} times; a constant is c + 0 * t"
+            )
+        return values.reshape(n, K)
+
+    return values_at
+
+
+def waypoints(guess: Any, n: int) -> Array:
+    """Return waypoints (n, K). Raises ValueError for another shape, or if they are not finite."""
     points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
     if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
         raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")
     if not np.all(np.isfinite(points)):
         raise ValueError("expected finite waypoints, found NaN or infinity")
-    times = np.linspace(t0, t1, points.shape[1])
-    from actionopt.analysis.shooting import hermite
-
-    smooth = hermite(times, points, _rates(problem, times, points))
-    return lambda mesh: Path.interpolate(smooth, mesh)
+    return points
 
 
 def _rates(problem: Problem, times: Array, points: Array) -> Array:

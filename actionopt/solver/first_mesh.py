@@ -15,6 +15,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.resolution import DEGREES
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import ends_of
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
@@ -76,11 +77,7 @@ def fewest_elements(problem: Problem) -> int:
     by the row sums of M^-1 L_qq, here at rest half way between the events.
     """
     system, n = problem.system, problem.system.n
-    known = [
-        (b if a is None else a, a if b is None else b)
-        for a, b in zip(problem.start.near, problem.end.near, strict=True)
-    ]
-    middle = np.array([[(x or 0.0) / 2 + (y or 0.0) / 2 for x, y in known]])
+    middle = (ends_of(problem) / 2).sum(axis=0, keepdims=True)
     second, now = system.pointwise("second"), np.array([[problem.start.t]])
     A, _, C = second(middle, np.zeros((1, n)), now, problem.packed)
     (row, col), (at, other) = second.sparsity(0), second.sparsity(2)

@@ -25,6 +25,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import cheapest_mesh, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import ends_of
 from actionopt.solver.arguments import Guess, curve
 from actionopt.solver.between import solve_on_the_way
 from actionopt.solver.closed import LOOKED_AT
@@ -412,9 +413,7 @@ def duration_along(problem: Problem, q: Array) -> float:
 
 def straight(problem: Problem) -> Array:
     """Return points (K, n) on the straight line between the events."""
-    pairs = zip(problem.start.near, problem.end.near, strict=True)
-    known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
-    start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
+    start, end = ends_of(problem)
     return start + np.linspace(0, 1, LINE)[:, None] * (end - start)
 
 

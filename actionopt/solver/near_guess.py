@@ -21,9 +21,6 @@ from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, ROUGHLY
 GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
 # Elements tried before. Measured on chains, bodies and lattices: half the time, at any tolerance.
 COARSE_GUESS = (4, 8)
-# Unknowns and rows from which a rough path settles on its surface before Newton's method is tried,
-# which takes three factorizations to fail; ad hoc: from there one takes a seventh of a second.
-SETTLED_FIRST = 20_000
 # Newton's first step, in the coordinates' sizes. Measured: 3e-4 to 0.13 from nine points that show
 # the motion, 2.6 from nine that do not.
 ASTRAY = 1.0
@@ -181,16 +178,7 @@ def _settles(search: Search, *, sparse: bool = False) -> bool:
         if ws.follow():
             return True
         return not (sparse and _leads_astray(search)) and (ws.approach(PATIENT) or ws.settle())
-    if ws.here.tr.layout.size < SETTLED_FIRST:
-        return ws.follow() or ws.settle()
-    first = ws.here  # its multipliers lead astray, as a rule
-    if ws.settle():
-        return True
-    settled, ws.here = ws.here, first
-    if ws.follow():
-        return True
-    ws.here = settled
-    return False
+    return ws.follow() or ws.settle()
 
 
 def _fine_enough(search: Search, curve_of: Callable[[Mesh], Path]) -> list[Mesh]:

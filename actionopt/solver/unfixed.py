@@ -252,12 +252,16 @@ class Unfixed(Workspace[UnfixedPath]):
 
     def _begun_near(self, path: Path) -> bool:
         """Go to the closed path near a rough one that begins where that passes what is given."""
-        begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
-        if not begins:
+        begun = self._shift_to_start(path)
+        if begun is None:
             return False
-        shift = min(begins, key=abs)
-        self.here = self._around(begin_later(path, shift, self.problem) if shift else path, None)
+        self.here = self._around(begun, None)
         return self.follow()
+
+    def _shift_to_start(self, path: Path) -> Path | None:
+        """Return a closed path begun where it nearly passes what the start gives, or None."""
+        begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
+        return begin_later(path, min(begins, key=abs), self.problem) if begins else None
 
     def _passes(self, path: Path) -> list[tuple[float, float]]:
         """Return when a closed path passes what the start gives, and how far off in its sizes."""
@@ -312,10 +316,10 @@ class Unfixed(Workspace[UnfixedPath]):
             self.along, self.gain = (), UNKNOWN_GAIN
             path = guess_path(self.problem, near, represented)
             if self.problem.phase_coordinates:
-                begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
-                if not begins:
+                begun = self._shift_to_start(path)
+                if begun is None:
                     break
-                path = begin_later(path, min(begins, key=abs), self.problem)
+                path = begun
             most = (2 * FULL if thorough else FULL) // self.problem.system.n
             if path.mesh.offsets[-1] > most:  # what it resolves may be the corners of a guess
                 ends = path.mesh.boundaries[[0, -1]].tolist()

@@ -30,11 +30,13 @@ from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.rest import Rest, rest
+from actionopt.mechanics.scales import ends_of
+from actionopt.solver.arguments import checked_curve, waypoints
 from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.descent import descend
 from actionopt.solver.first_mesh import COARSE_DEGREE
 from actionopt.solver.iterate import ROUNDED, sizes
-from actionopt.tools.checks import COARSEST, numbers
+from actionopt.tools.checks import COARSEST
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
@@ -132,8 +134,9 @@ def first_window(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> W
         t0 = _reach(whole, start, end, folds, curve) if infinite[0] else start.t
         t1 = _reach(whole, end, start, folds, curve) if infinite[1] else end.t
     if curve is None and guess is not None:  # waypoints
-        curve = _waypoints(whole, guess, t0, t1)
-        own = None
+        points = waypoints(guess, whole.system.n)
+        passed = np.linspace(t0, t1, points.shape[1])
+        curve = lambda t: np.stack([np.interp(t, passed, row) for row in points])  # noqa: E731
     if curve is not None and own is None and _is_straight(whole, curve, t0, t1):
         curve = None
     phase = None
@@ -163,9 +166,7 @@ def first_window(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> W
 
 def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: float) -> bool:
     """Whether a guess is the straight line over the window: it says nothing."""
-    pairs = zip(whole.start.q, whole.end.q, strict=True)
-    known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
-    start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
+    start, end = ends_of(whole)
     t = np.linspace(t0, t1, LOOKED_AT)
     values = curve(t)
     line = start[:, None] + (t - t0) / (t1 - t0) * (end - start)[:, None]
@@ -419,27 +420,7 @@ def _curve(whole: Problem, guess: Any) -> tuple[Any, Mesh | None]:
         return (lambda t: path(np.clip(t, b[0], b[-1]))), path.mesh
     if not callable(path):
         return None, None
-    wanted, n = path, whole.system.n
-
-    def sample(t: Array) -> Array:
-        values = np.atleast_2d(numbers(wanted(t), "the guess at times t"))
-        if values.shape != (n, t.size):
-            raise ValueError(
-                f"expected the guess to return ({n}, K) for K times, found {values.shape}"
-            )
-        return values
-
-    return sample, None
-
-
-def _waypoints(whole: Problem, guess: Any, t0: float, t1: float) -> Callable[[Array], Array]:
-    """Return waypoints at equal times over the window as a function of time."""
-    points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
-    n = whole.system.n
-    if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
-        raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")
-    times = np.linspace(t0, t1, points.shape[1])
-    return lambda t: np.stack([np.interp(t, times, row) for row in points])
+    return checked_curve(path, whole.system.n), None
 
 
 def _extend(curve: Callable[[Array], Array], own: Mesh, problem: Problem) -> Path:
