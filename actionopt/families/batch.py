@@ -36,8 +36,15 @@ from actionopt.families.vary import lead_to, position_in_parameters, slope, slop
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.pulses import centres
 from actionopt.solver.arguments import check_arguments
-from actionopt.solver.family import NOISE
-from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplification, estimate, sizes
+from actionopt.solver.iterate import (
+    LATE_TIME,
+    ROUNDED,
+    SAFETY,
+    UNKNOWN_GAIN,
+    amplification,
+    estimate,
+    sizes,
+)
 from actionopt.solver.solve import Guess, refuse_rest, solve, solve_near
 from actionopt.solver.stacked_newton import FollowedStack, follow
 from actionopt.solver.workspace import MEASURABLE
@@ -450,7 +457,7 @@ class _Members:
         error = np.maximum(error, SAFETY * found.missed)
         several = found.Q.shape[2] > 1
         sensitive = min(SENSITIVE, SENSITIVE_GROWTH * at.probed)
-        one_of_many = found.probed > sensitive if several else found.noise > NOISE
+        one_of_many = found.probed > sensitive if several else found.noise > ROUNDED
         sound = found.converged & np.isfinite(found.omitted) & ~one_of_many
         sound &= found.imbalance <= error + ROUNDOFF  # else L may jump
         good = sound & (error <= self.tol)

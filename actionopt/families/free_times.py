@@ -21,14 +21,13 @@ from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import rates, return_time, times_along
 from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes
-from actionopt.solver.single_shooting import PASSES_EACH, MissUnits, passages
+from actionopt.solver.single_shooting import PASSES_EACH, THROWN, MissUnits, passages
 from actionopt.tools.types import Array
 
 # Times the duration along the straight line, or up and back, that motions are followed; ad hoc.
 LONGEST_SEARCH = 6.0
 MOST_PASSAGES = 40  # passages from which paths are sought, of each class of windings
 NEARBY_TARGET = 1e-1  # of the sizes: a sample of a path that may pass the end is no farther
-FAN = 72  # directions in the plane
 SAME_ORBIT = 1e-6  # of its size and duration: a path closer than that is at its end
 
 
@@ -56,7 +55,7 @@ def _passages(
     if problem.system.structure.depends_on_time:  # the energy is given where the time is free
         return []
     t0, q0 = start.t or 0.0, np.array(start.q, dtype=float)
-    angle = 2 * np.pi * (np.arange(FAN) + rng.random()) / FAN
+    angle = 2 * np.pi * (np.arange(THROWN) + rng.random()) / THROWN
     fan = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     if n == 1:
         u = np.array([[1.0], [-1.0]])

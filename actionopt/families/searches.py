@@ -39,7 +39,7 @@ from actionopt.solver.ipopt import find
 from actionopt.solver.nearest_points import paths_to_points
 from actionopt.solver.pursue import first_acceptable
 from actionopt.solver.strategies import GUESS_ONLY, STRATEGIES
-from actionopt.solver.through import CLOSED_MOMENTUM, attempts
+from actionopt.solver.through import SAME_FIRST, attempts
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
@@ -581,7 +581,7 @@ def _closes(c: Winding, solution: Solution) -> bool:
     return bool(
         np.all(
             np.abs(p1 - p0[list(c.problem.closed_places)])
-            <= CLOSED_MOMENTUM * np.maximum(size, 1e-3 * unit)
+            <= SAME_FIRST * np.maximum(size, 1e-3 * unit)
         )
     )
 

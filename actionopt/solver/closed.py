@@ -10,11 +10,11 @@ import numpy as np
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.iterate import ROUNDED
+from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import EPS, Array
 
 # Ad hoc.
 LOOKED_AT = 600  # times at which a motion is looked at for where it passes or rests
-CLOSED_IN = 30  # steps, each half of the last one at a turning point: to the root of EPS
 LAST_PHASE_STEP = EPS**0.5  # of a period, a last step: elsewhere what is left is its square
 SURFACE_PASSAGES = 4  # of a surface that are tried
 SLIVER = 0.1  # of an element
@@ -43,7 +43,8 @@ def passage_times(
     nearest = np.flatnonzero(nearest & (far <= far.min() + reach))  # others are farther
     low, high, at = t[nearest] - step, t[nearest] + step, t[nearest]
     apart, rates = apart[:, nearest], rates[:, nearest]
-    for _ in range(CLOSED_IN):  # Gauss and Newton's method, between the neighbours
+    # Gauss and Newton's method, between the neighbours: at a turning point steps are halved.
+    for _ in range(PATIENT):
         down, square = np.einsum("ik,ik->k", apart, rates), np.einsum("ik,ik->k", rates, rates)
         next_at = np.clip(at - np.divide(down, square, 0 * at, where=square > 0), low, high)
         moved, at = np.abs(next_at - at).max(), next_at

@@ -19,11 +19,11 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.closed import LOOKED_AT, begin_later, states_beyond
+from actionopt.solver.iterate import ORDINARY
 from actionopt.solver.through import objection
 from actionopt.solver.verdict import message_of
 from actionopt.tools.types import EPS, Array
 
-ZERO_PLACE = 100 * EPS  # of a coordinate's size, where a path passes zero; ad hoc
 NOT_MET = "the closed path found without its surface does not meet it: move the surface"
 
 
@@ -36,7 +36,8 @@ def begin_at_surface(problem: Problem, free: Solution, choices: Choices) -> Foun
     path = begin_later(free.path, shift, free.problem)
     q, v = path.values[:, 0], path.velocity(path.mesh.nodes[:1])[:, 0]
     size = np.abs(path.values).max(axis=1)
-    q = np.where(np.abs(q) <= ZERO_PLACE * size, 0.0, q)  # else taken for the size of the motion
+    zero = np.abs(q) <= ORDINARY * EPS * size  # else that is taken for the size of the motion
+    q = np.where(zero, 0.0, q)
     fastest = int(np.argmax(np.abs(v) / problem.scales))
     start = Event(problem.start.t, [x if i == fastest else None for i, x in enumerate(q.tolist())])
     given = Problem(problem.system, start, free.problem.end, parameters=problem.parameters)

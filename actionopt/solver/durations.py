@@ -20,7 +20,6 @@ from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 
 # Ad hoc: what comes of it is a guess.
-RATE_STEPS = 40  # of the fixed point for the rate: one where L is quadratic in v
 SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
 LINE = 41  # points on the straight line; a guess that comes back has as many each way
@@ -50,7 +49,7 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
         rest = H(0 * u)
         left, rate = energy - rest, np.ones(len(q))
         # The unit of rates is unknown: kinetic energies that are not finite are too large.
-        for _ in range(RATE_STEPS):
+        for _ in range(PATIENT):  # one where L is quadratic in v
             T = H(rate[:, None] * u) - rest
             factor = np.sqrt(np.abs(left / T))
             factor = np.where(np.isfinite(factor) & (factor > 0), np.clip(factor, 1e-6, 1e6), 0.5)

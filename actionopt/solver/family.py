@@ -10,7 +10,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.factors import Factors
-from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, Iterate
+from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, ROUNDED, Iterate
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import Array
 
@@ -25,7 +25,6 @@ NEAR_SINGULAR = 1e4
 # whose eigenvalues are as large in it as that distance. Measured: of 55 scenes 3 are above, two
 # thousandths at most; families 0.15 and more, of closed paths 0.05 (3e-3 the least of all).
 OUTDATED = 3e-4
-NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -39,7 +38,7 @@ def may_be_family(ws: Workspace, status: Status) -> bool:
         return status is Status.UNRESOLVED or (status in LOST and ws.unpolished is not None)
     here = ws.here
     if not here.can_be_one_of_many:
-        return here.noise > NOISE
+        return here.noise > ROUNDED  # of one coordinate the noise itself tells
     try:
         here = ws.here = here.with_probed(ws.many)
         if not ws.linear and here.growth < NEAR_SINGULAR and here.growth * here.since > OUTDATED:

@@ -31,11 +31,10 @@ PHASE_PER_ELEMENT = 2.5
 # E-foldings from an end at which elements meet; elements lengthen as the layer decays, and beyond
 # 35 it is below round-off (derived; the steps between are ad hoc).
 LAYER_PHASES = PHASE_PER_ELEMENT * np.array([0, 1, 2, 3, 4, 6, 9, 14])
-MOST_ELEMENTS = 64  # for turns; ad hoc: more are left to refinement
+MOST_ELEMENTS = 64  # for turns; ad hoc: more are left to refinement, as near a singularity
 # Radians on an element of degree six beyond which a motion is lost. Measured on pendulums of 30 to
 # 100 links: they are found at 5.3, not at 6.2; derived: the coefficient left out is 1e-3 and 6e-3.
 LOST_PHASE = 5.5
-MOST_FIRST = 32  # elements of a first mesh: beyond, the rate may be that of a singularity; ad hoc
 TAIL_MARGIN = 5.0  # between a coefficient and the tolerance it has to meet: `SAFETY`, and a little
 STEADY_RATE = 1e-6  # rate over the whole time, in place of none: of that the first degree is enough
 LOG_FACTORIALS = np.array([math.lgamma(d) for d in DEGREES])  # of d - 1
@@ -94,7 +93,7 @@ def fewest_elements(problem: Problem) -> int:
                 return 0
         fastest = math.sqrt(squares[np.isfinite(squares)].max(initial=0.0))
     phases = fastest * problem.duration / LOST_PHASE
-    return 2 ** math.ceil(math.log2(min(max(phases, 1.0), MOST_FIRST)))
+    return 2 ** math.ceil(math.log2(min(max(phases, 1.0), MOST_ELEMENTS // 2)))
 
 
 def _boundaries(turns: float, folds: float, elements: int) -> Array | None:

@@ -41,7 +41,7 @@ from actionopt.solver.durations import (
 from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, coordinate_scales
 from actionopt.solver.refine import ROUNDS
-from actionopt.solver.workspace import ROUGHLY
+from actionopt.solver.workspace import QUICK_STEPS, ROUGHLY
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import Watch
 
@@ -49,12 +49,11 @@ from actionopt.tools.watch import Watch
 REPRESENTED = 1e-4, 1e-7  # of a guess: what its first mesh leaves out, and the next one tried
 SCANNED = 9  # durations either way, each the root of two times the next, that are looked at
 TRIED_DURATIONS = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
-PARABOLAS = 12  # steps to the least energy of paths over given durations
 BELOW_LOWEST = 0.9  # of the duration of the lowest path
 ENERGY_ROUNDOFF = 1e3 * EPS  # of an energy; measured, 40 eps on throws and transfers
 # Half lengths of its first and last element, from their middles, that a motion is carried on; parts
-# of its duration that are cut off at most; steps to where it passes a place.
-AHEAD, DURATION_CUT, DURATION_CUTS = 3.0, 0.4, 6
+# of its duration that are cut off at most.
+AHEAD, DURATION_CUT = 3.0, 0.4
 
 
 @dataclass
@@ -238,7 +237,7 @@ class FirstPaths:
         if not 0 < k < len(seen) - 1:
             return low
         three = seen[k - 1 : k + 2]
-        for _ in range(PARABOLAS):
+        for _ in range(QUICK_STEPS):
             x = np.log([at.mesh.duration for at in three])
             curvature, slope, _ = np.polyfit(x - x[1], [-self.excess(at) for at in three], 2)
             to = x[1] - slope / 2 / curvature if curvature > 0 else np.nan
@@ -366,7 +365,7 @@ def cut_at_passage(problem: Problem, path: Path) -> Path:
         for i in event.pinned:
             wanted[i, k], given[i, k] = event.q[i], True
     at = ends
-    for _ in range(DURATION_CUTS):  # Gauss and Newton's method
+    for _ in range(QUICK_STEPS):  # Gauss and Newton's method
         q, v = path.carried_on(at, AHEAD)
         away, rates = (np.where(given, x / unit, 0.0) for x in (q - wanted, v))
         square = (rates * rates).sum(axis=0)

@@ -12,20 +12,17 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import Resolution, cheapest_mesh, resolution
-from actionopt.solver.first_mesh import COARSE_DEGREE
+from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS, LINEAR
 from actionopt.solver.iterate import sizes
 from actionopt.solver.search import REACHED, Search
+from actionopt.solver.signals import HALVINGS
 from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT
 from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, ROUGHLY
 
 GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
 # Elements tried before. Measured on chains, bodies and lattices: half the time, at any tolerance.
-COARSE_GUESS = (4, 8)
-# Newton's first step, in the coordinates' sizes. Measured: 3e-4 to 0.13 from nine points that show
-# the motion, 2.6 from nine that do not.
-ASTRAY = 1.0
-# Omitted coefficients of a guess that a mesh resolves, flat; refinements of one that does not.
-GUESS_RESOLUTION, GUESS_ROUNDS = 1e-3, 4
+COARSE_GUESS = LINEAR, COARSE_ELEMENTS
+GUESS_RESOLUTION = 1e-3  # omitted coefficients of a guess that a mesh resolves; flat
 
 
 def follow_neighbour(search: Search, neighbour: Solution) -> Status:
@@ -94,7 +91,9 @@ def _is_far(search: Search, curve_of: Callable[[Mesh], Path]) -> bool:
 def _leads_astray(search: Search) -> bool:
     """Whether Newton's first step from the iterate at hand is as long as coordinates are large.
 
-    So it is from a guess of few points that misses the turns of a motion.
+    So it is from a guess of few points that misses the turns of a motion. Measured, in the
+    coordinates' sizes: 3e-4 to 0.13 from nine points that show the motion, 2.6 from nine that do
+    not.
     """
     here = search.ws.here
     with np.errstate(all="ignore"):
@@ -102,7 +101,7 @@ def _leads_astray(search: Search) -> bool:
             step = Factors(here.tr.layout, here.tr.kkt(here.z)).solve(here.tr.residual(here.z))
         except np.linalg.LinAlgError:
             return False
-        return not here.tr.relative_step(step) < ASTRAY
+        return not here.tr.relative_step(step) < 1.0
 
 
 def _quickly_past(search: Search, seen: Path) -> Status:
@@ -192,7 +191,7 @@ def _fine_enough(search: Search, curve_of: Callable[[Mesh], Path]) -> list[Mesh]
         shown = _resolution_of(search, curve)
         if curve.mesh is not mesh or shown.worst < GUESS_RESOLUTION:
             return meshes[k:]
-    for _ in range(GUESS_ROUNDS):  # a core may be far shorter than the way
+    for _ in range(HALVINGS):  # a core may be far shorter than the way
         mesh = cheapest_mesh(shown, GUESS_RESOLUTION / 2)
         if mesh.nodes.size > meshes[-1].nodes.size:
             break

@@ -33,8 +33,9 @@ from actionopt.tools.watch import Watch
 
 # Ad hoc.
 APART = 1e-6  # of the coordinates' sizes: points nearer to one another are one
-NEAREST_POINTS = 6  # points to which a least path is sought
-FEW_AXES = 6  # coordinates whose axes are tried one by one; of more, as many directions by chance
+# Points to which a least path is sought; coordinates whose axes are tried one by one: of more, as
+# many directions by chance.
+NEAREST_POINTS = 6
 WITH_PAINS = 2  # points to which a path is sought in every way, where none was found
 AGAIN = 4  # times that the other surface, and one that moves, is asked anew
 
@@ -109,8 +110,8 @@ def near(problem: Problem, directions: Array | None = None) -> list[Array]:
     far = 1.0 if nearest is None else float(np.abs((nearest[1] - nearest[0]) / size).max()) or 1.0
     if directions is None:
         directions = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
-        if n > FEW_AXES:
-            directions = np.random.default_rng(0).standard_normal((2 * FEW_AXES, n))
+        if n > NEAREST_POINTS:
+            directions = np.random.default_rng(0).standard_normal((2 * NEAREST_POINTS, n))
     pairs = (_pair(problem, far * direction * size, size) for direction in directions)
     return [pair for pair in pairs if pair is not None]
 

@@ -26,8 +26,7 @@ from actionopt.tools.types import Array, NDInt
 
 # Ad hoc.
 RAY_ROUNDS = 4  # of motions ever closer to those that come nearest
-BEST_RAYS = 40  # motions about which more leave
-RETURNS = 40  # motions that are brought back to where they began
+BEST_RAYS = 40  # motions about which more leave, and that are brought back to where they began
 RAY_NEIGHBOURS = 2  # a coordinate, with which a motion is compared
 RAY_APART = 0.3  # of the sizes: places of events that are farther from a neighbour's
 RAY_SPREAD = 0.5  # of the distance of these, of velocities that are nearer
@@ -81,7 +80,7 @@ def rays(
     found = RaySearch(tracer)
     for k in range(rounds + 1):
         found.add(batch)
-        back = tracer.bring_back(found.u[found.minima()[:RETURNS]])
+        back = tracer.bring_back(found.u[found.minima()[:BEST_RAYS]])
         if back.size:
             found.add(tracer.follow(back))
         yield from found.nearest(RAY_NEAR if k < rounds else EVENT_MISSED)

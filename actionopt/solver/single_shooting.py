@@ -28,20 +28,21 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import rates, return_time, times_along
 from actionopt.solver.first_paths import given_time, straight, stretch_guess
+from actionopt.solver.two_sided_shooting import HITS
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
 # Ad hoc, where nothing else is said.
 # How far motions are followed, in the durations along the straight line, or up and back.
 SPANS = (1.5, 6.0, 24.0)
-# Of these, after which motions are given up of which none has passed near the end: a potential is
-# in the way. Measured: of 25 paths so found at random, over systems of 2 and 3 coordinates, none
+# After the second of these, motions are given up of which none has passed near the end: a potential
+# is in the way. Measured: of 25 paths so found at random, over systems of 2 and 3 coordinates, none
 # had been missed by all motions until then.
-TURNED_BACK = 6.0
+TURNED_BACK = SPANS[1]
 PASSING_ERROR = 1e-4  # of a step of such motions
 PASSED_BY = 0.5  # of the units: motions that miss more lead nowhere
 PASSAGES, PASSES_EACH = 16, 3  # passages from which paths are sought; of one motion
-THROWN = 72  # motions that set out
+THROWN = 2 * HITS  # motions that set out
 # Their speeds between given times, in those that the forces and the way to the nearest point
 # suggest. Measured on 14 random systems of 2 and 3 coordinates, at one speed: 1 leads to paths of 5
 # of them, 3 of 11, 5 of 13, 8 of 14.

@@ -33,8 +33,10 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal, first_state
 from actionopt.mechanics.system import SWITCHES
 from actionopt.solver.arguments import Guess
-from actionopt.solver.closed import begin_on_surface
+from actionopt.solver.closed import LOOKED_AT, begin_on_surface
 from actionopt.solver.family import judge_family, may_be_family
+from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
+from actionopt.solver.iterate import AT_REST, ROUNDED
 from actionopt.solver.passing_times import lower
 from actionopt.solver.rays import RAY_ROUNDS, Ray, rays
 from actionopt.solver.signals import SIGNALS, status_of
@@ -47,22 +49,20 @@ from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
 # Ad hoc.
-LEG_ELEMENTS, LEG_DEGREE = 2, 6  # of a leg of a first path
+LEG_ELEMENTS = 2  # of a leg of a first path
 FIRST_POLYGONS = 24  # first paths that are tried, straight between events, and as many motions
 BEFORE_RAYS = 2  # of them, before motions are
 ALL_ROUNDS = 10  # of motions, to find all answers
-SAME_FIRST = 1e-4  # of the sizes, and of the duration: nearer paths on their first mesh are one
+# Of the sizes, and of the duration: nearer paths on their first mesh are one. Of the momenta: a
+# larger change where a path closes is a kink.
+SAME_FIRST = 1e-4
 SMALLEST_SIZE = 0.3  # of a coordinate, of the largest one's
 PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of logarithms of times
-GUESS_ELEMENTS = 16  # where integrals are given: on half of them a rod that winds once is lost
-CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
 NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
-CLOSED_MOMENTUM = 1e-4  # of the momenta: a larger change where a path closes is a kink
-RESTING_MOMENTUM = 1e-9  # of that with which the coordinates' size is crossed in the duration
-GRAZING_SPEED = 1e-6  # of the speed, that across a surface which is touched only
-FAMILY_TRIES = 12  # first paths from which a family is sought, if nothing else was found
-AFTER_FAMILY = 6  # more of them, to find a path that is alone
-SEVERAL = 8  # paths with given integrals of which the least is taken, if none is a minimum
+FAMILY_TRIES = FIRST_POLYGONS // 2  # from which a family is sought, if nothing else was found
+AFTER_FAMILY = FIRST_POLYGONS // 4  # more of them, to find a path that is alone
+# Paths with given integrals of which the least is taken, if none is a minimum.
+SEVERAL = FIRST_POLYGONS // 3
 
 
 def solve_through(
@@ -207,9 +207,9 @@ def objection(solution: Solution) -> str:
     joints, packed = problem.joints, problem.packed
     if problem.advance is not None and not problem.system.structure.depends_on_time:
         (p0, p1), tr = solution.momenta, solution.discrete.tr
-        rest = RESTING_MOMENTUM * tr.action_unit / tr.place_units  # where nothing moves
+        rest = ROUNDED * tr.action_unit / tr.place_units  # where nothing moves
         apart = np.abs(p1 - p0[list(problem.closed_places)])
-        if (apart > np.maximum(CLOSED_MOMENTUM * np.abs(p0).max(), rest)).any():
+        if (apart > np.maximum(SAME_FIRST * np.abs(p0).max(), rest)).any():
             return "the path found returns with another momentum, in a kink"
     for k, event in enumerate(joints):
         if not isinstance(event, Bounce):
@@ -219,7 +219,7 @@ def objection(solution: Solution) -> str:
         before, after = legs[k - 1].velocity(t), legs[k].velocity(t)
         into, out = float(by_q[0] @ before + by_t[0]), float(by_q[0] @ after + by_t[0])
         speed = float(np.linalg.norm(by_q[0]) * max(np.linalg.norm(before), np.linalg.norm(after)))
-        if max(abs(into), abs(out)) <= GRAZING_SPEED * speed:
+        if max(abs(into), abs(out)) <= AT_REST * speed:
             return f"the path found grazes the surface at event {k}, and is not reflected there"
         if into > 0 or out < 0:
             return f"the path found passes through the surface at event {k}, where it should bounce"
@@ -253,7 +253,7 @@ def event_time(problem: Problem, k: int) -> float:
 
 def _inside(leg: Path, ends_there: bool) -> Array:
     """Return times along a leg, but for those next to its ends if the surface is met there."""
-    b, s = leg.mesh.boundaries, np.linspace(0, 1, CURVE_SAMPLES)
+    b, s = leg.mesh.boundaries, np.linspace(0, 1, LOOKED_AT)
     if ends_there:
         s = s[(s > NEXT_TO_EVENT) & (s < 1 - NEXT_TO_EVENT)]
     return b[0] + s * (b[-1] - b[0])
@@ -427,7 +427,7 @@ def polygon(q: Array, times: Array) -> Path:
         np.arange(LEG_ELEMENTS * (len(times) - 1) + 1) / LEG_ELEMENTS, np.arange(len(times)), times
     )
     b[::LEG_ELEMENTS] = times
-    mesh = Mesh(b, LEG_DEGREE)
+    mesh = Mesh(b, COARSE_DEGREE)
     return Path(mesh, np.stack([np.interp(mesh.nodes, times, row) for row in q.T]))
 
 
@@ -513,7 +513,7 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
             "expected a Path, or waypoints at the events, as the guess where a time of an end is "
             "to be found, found a callable: over which times it goes is not known"
         )
-    t = np.linspace(b[0], b[1], CURVE_SAMPLES)
+    t = np.linspace(b[0], b[1], LOOKED_AT)
     q = np.atleast_2d(numbers(curve(t), "what the guess returns"))
     if q.shape != (n, t.size) or not np.isfinite(q).all():
         raise ValueError(
@@ -529,7 +529,8 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
     mesh = polygon(np.zeros((len(times), n)), times).mesh
     whole = problem.advance is not None and not problem.through  # a closed path is one leg
     if whole or problem.integral is not None:
-        mesh = wave_mesh(times, problem.system.order, GUESS_ELEMENTS)
+        # On half as many elements a rod that winds once is lost.
+        mesh = wave_mesh(times, problem.system.order, 2 * COARSE_ELEMENTS)
     s = np.interp(mesh.nodes, times, on_curve)
     return Path(mesh, np.asarray(curve(s), dtype=float).reshape(n, -1)), times
 

@@ -59,7 +59,7 @@ from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.single_shooting import arrivals, can_depart
 from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
-from actionopt.solver.workspace import PATIENT, Workspace, alike
+from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, ROUGHLY, Workspace, alike
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime
 
@@ -72,11 +72,7 @@ SINGULAR = 1e-3
 # that. Measured on families of 2 to 5 dimensions: flat from 1e-4 to 1e-5, at 3e-4 some are missed.
 ON_FAMILY = 3e-5
 UNREACHED = 1e6  # damping of steps to a family, in squares of the residual, that leads nowhere
-# Largest equation, in units of the action, of a guess that may be a closed path already; ad hoc.
-IS_MEMBER = 1e-4
-ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess, and how far it tells a place
 FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a family
-NEAR_GUESS = 0.1  # how far a guess tells a place
 NEAR_FAMILY = 0.5  # of its size, how far a closed path is from a guess of it; ad hoc
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
 # more on spurious paths, such as one that has shrunk to a rest, whose refinement would not end.
@@ -248,7 +244,7 @@ class Unfixed(Workspace[UnfixedPath]):
         rests = self.problem.integral is None  # else it may be an answer
         if closes and rests and moved < AT_REST * np.ptp(path.values, axis=1).max():
             return False
-        return problem is self.problem or self._begin(ROUGH)
+        return problem is self.problem or self._begin(ROUGHLY)
 
     def _begun_near(self, path: Path) -> bool:
         """Go to the closed path near a rough one that begins where that passes what is given."""
@@ -260,7 +256,7 @@ class Unfixed(Workspace[UnfixedPath]):
 
     def _shift_to_start(self, path: Path) -> Path | None:
         """Return a closed path begun where it nearly passes what the start gives, or None."""
-        begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
+        begins = [s for s, off in self._passes(path) if off <= FOLLOWED_REACH]
         return begin_later(path, min(begins, key=abs), self.problem) if begins else None
 
     def _passes(self, path: Path) -> list[tuple[float, float]]:
@@ -312,7 +308,7 @@ class Unfixed(Workspace[UnfixedPath]):
         """
         before = self.iterate, self.hint
         near = guess
-        for represented in (ROUGH, REPRESENTED[0]):
+        for represented in (ROUGHLY, REPRESENTED[0]):
             self.along, self.gain = (), UNKNOWN_GAIN
             path = guess_path(self.problem, near, represented)
             if self.problem.phase_coordinates:
@@ -348,7 +344,7 @@ class Unfixed(Workspace[UnfixedPath]):
             return None
         before, first = (self.iterate, self.hint), self._around(path, None)
         with np.errstate(all="ignore"):
-            closes = np.abs(first.bordered.residual(first.z)).max() < IS_MEMBER
+            closes = np.abs(first.bordered.residual(first.z)).max() < REPRESENTED[0]
         if closes:
             with suppress(np.linalg.LinAlgError):
                 if self._approach_family(first, steps=1):

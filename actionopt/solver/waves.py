@@ -29,10 +29,9 @@ from actionopt.tools.types import EPS, RANK, Array
 
 # Ad hoc. Of a first path: half waves, and the power of a sine that keeps them in the middle.
 WAVES, NARROW = 6, 8
-# Steps to the values of integrals, and the last one.
-PROJECTION_STEPS, LAST_PROJECTION = 50, 1e-6
-# First paths before a continuation in the values; its first part of the way, and steps.
-BEFORE_CONTINUATION, FIRST_PART, VALUE_STEPS = 4, 0.1, 40
+LAST_PROJECTION = 1e-6  # step to the values of integrals
+# First paths before a continuation in the values, and its first part of the way.
+BEFORE_CONTINUATION, FIRST_PART = 4, 0.1
 
 
 def first_waves(
@@ -147,7 +146,7 @@ def lead(
     first = (integrals(at)[0] - share * asked) / (1 - share)
     path, times = at.path, times_of(at.problem)
     step, now = FIRST_PART, share or FIRST_PART
-    for _ in range(VALUE_STEPS):
+    for _ in range(PATIENT):
         near = problem.replace(integral=first + now * (asked - first))
         known = {"times": times, "kappa": kappa}
         equations, y = Bordered.around(near, path, None, lengths, **known)
@@ -173,7 +172,7 @@ def _project(
 
     By Gauss and Newton's method: steps of least length in the amplitudes a.
     """
-    for _ in range(PROJECTION_STEPS):
+    for _ in range(PATIENT):
         z = origin + a @ variations
         reached, slopes = integrals(DiscretePath(tr, z))
         off, J = reached - values, slopes @ variations[:, : slopes.shape[1]].T

@@ -34,7 +34,8 @@ from actionopt.mechanics.scales import ends_of
 from actionopt.solver.arguments import checked_curve, waypoints
 from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.descent import descend
-from actionopt.solver.first_mesh import COARSE_DEGREE
+from actionopt.solver.durations import MERGED
+from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.iterate import ROUNDED, sizes
 from actionopt.tools.checks import COARSEST
 from actionopt.tools.types import Array
@@ -50,11 +51,10 @@ WINDOW_GROWTH = 3.0  # times as long the next window may be
 GRADING, FOLDS_EACH = 1.7, 4.0
 # of its size, how far a saddle is left along its lowest mode
 SADDLE_OFFSETS = 0.1, -0.1, 0.3, -0.3
-DOWN_ELEMENTS = 24  # of the mesh on which a guess is left
+DOWN_ELEMENTS = 3 * COARSE_ELEMENTS  # of the mesh on which a guess is left
 LONGEST_WINDOW = 100.0  # times the first window, in which a guess is looked at
 CORE_SIZE = 0.1  # of how far a guess is from rest, beyond which something happens
 ELEMENT_CUT = 0.25  # of its shortest element, where a mesh is cut
-SAME_ENERGY = 1e-8  # of what moving between two equilibria takes
 
 
 @dataclass(frozen=True)
@@ -469,7 +469,7 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
             return None, 0.0
     else:
         need = float(apart @ metric @ apart) * max(rests[0].slow, rests[1].slow)
-        if abs(rests[0].lagrangian - rests[1].lagrangian) > SAME_ENERGY * need:
+        if abs(rests[0].lagrangian - rests[1].lagrangian) > MERGED * need:
             raise ValueError(
                 "expected two equilibria of one energy, as L does not contain t, found "
                 f"{-rests[0].lagrangian:.10g} and {-rests[1].lagrangian:.10g}: no path leads from "
