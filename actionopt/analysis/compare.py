@@ -329,7 +329,7 @@ def _as_far(flow: Flow, start: State, mesh: Mesh, last: float) -> Path | None:
 def _deviation(values: Array, others: Array, size: Array) -> Array:
     """Return the largest difference of a row in units of its size, at each of K times, (K,).
 
-    Of the first rows, if there are fewer sizes.
+    If there are fewer sizes than rows, the first rows are compared.
     """
     apart = np.abs(values[: size.size] - others[: size.size])
     return np.max(apart / size[:, None], axis=0)

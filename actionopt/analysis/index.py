@@ -8,7 +8,7 @@ computed from eigenvalues: the signs of the pivots that eliminate the path eleme
 
 enclose the eigenvalues mu that are zero for all that can be known. These mu are numbers without
 units, at most a few and accumulating at 1: 1 - (w T / k pi)^2, k = 1, 2, ... for an oscillator.
-Of a closed path the variations that close are counted, eta(t1) = eta(t0): a constant one has no
+Along a closed path the variations that close are counted, eta(t1) = eta(t0): a constant one has no
 rate, and int eta.L_vv eta dt / T^2 is added to the form beside mu.
 """
 
@@ -220,8 +220,8 @@ def _on_its_mesh(
 ) -> Inertia:
     """Return the inertia of the derivative of the equations of a path on its mesh.
 
-    Of a path in contact that of variations which keep what is in contact there: to second order S
-    does not depend on the times of contact.
+    For a path in contact, variations that keep what is in contact there are counted: to second
+    order S does not depend on the times of contact.
     """
     problem, tr = at.problem, at.tr
     if problem.system.structure.forced:

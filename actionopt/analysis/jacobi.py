@@ -191,7 +191,7 @@ def finer(
 def tails(mesh: Mesh, tables: list[Array]) -> Array:
     """Return the largest of the last Legendre coefficients on each element, (N,).
 
-    Of tables (E, d + 1, c) of values at the nodes of the elements of each degree.
+    The values are given as tables (E, d + 1, c), at the nodes of the elements of each degree.
     """
     tail = np.zeros(mesh.elements)
     for g, table in zip(mesh.groups, tables, strict=True):

@@ -186,7 +186,8 @@ def _through(solution: Solution) -> Monodromy:
 def transport_matrix(form: Form) -> Array:
     """Return the product of the elements' symplectic matrices, in the user's units.
 
-    Of a path that closes in another order, in that order: once round is a power of it.
+    Where a path closes in another order of the coordinates, so does the matrix: once round is a
+    power of it.
     """
     r = form.freedom
     M = np.eye(2 * r)

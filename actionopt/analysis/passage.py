@@ -6,8 +6,8 @@ either side it satisfies the conditions of the event (`mechanics.course`) to fir
     dq+ = dq-,    dp+ - dp- = d(mu on_q) + jumps in the coordinates that are given,
     d on = 0,     dH+ - dH- = -d(mu on_t), or dt = 0 where the time is given,
 
-with dH = v.delta p - p'.delta q + H_t dt. Of a plane of Jacobi fields, Lagrangian before the event,
-those that can be continued make one after it.
+with dH = v.delta p - p'.delta q + H_t dt. The fields that can be continued, of a plane of Jacobi
+fields that is Lagrangian before the event, make one after it.
 """
 
 from __future__ import annotations

@@ -165,7 +165,8 @@ class FlowAbout(Flow):
     ) -> Callable[[Array, Array], Array]:
         """Return the rates of scaled v (K, n) for P motions, as a function.
 
-        Of their scaled times (K, 1), with scaled q and v (K, 2 n): so many points of each motion.
+        It takes their scaled times (K, 1), and scaled q and v (K, 2 n): so many points of each
+        motion.
         """
         system = self.system
         n, packed = system.n, system.table.pack(system.table.values(self.parameters))

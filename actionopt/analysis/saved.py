@@ -83,7 +83,7 @@ def save(
 def asked_of(problem: Problem | Detached) -> dict[str, Any]:
     """Return which times were to be found, at which energy, and which events lay on surfaces.
 
-    Of these events the law and what they give, and whether they are reflections.
+    For events on surfaces that is the law, what they give, and whether they are reflections.
     """
     asked = problem.asked
     if isinstance(asked, dict):

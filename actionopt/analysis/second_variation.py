@@ -285,6 +285,7 @@ def couples_at_rest(system: System) -> Pointwise | None:
 
 
 def _coupling(system: System) -> Pointwise | None:
+    """Return the function of `couples_at_rest`, made anew."""
     s, n = system.symbols, system.n
     mixed = ca.substitute(system.derivatives.Lqv, s.v, ca.SX.zeros(n))
     S = ca.sparsify((mixed + mixed.T) / 2)

@@ -467,7 +467,7 @@ class Solution:
     def inertia(self) -> Inertia:
         """Index and nullity of the second variation, counted when first asked for.
 
-        Of a path whose duration was to be found it is that of S + E T, the duration varying;
+        For a path whose duration was to be found it is that of S + E T, the duration varying;
         `between_times` has the other.
         """
         from actionopt.analysis.index import inertia, inertia_asked, inertia_through
@@ -509,7 +509,7 @@ class Solution:
     def multiplier_error(self) -> float:
         """Estimate of the error of `multipliers(t)`, in units of the largest |lambda|; 0 if none.
 
-        Of several rows each counts by its force: |lambda_i| times the largest root of
+        Each of several rows counts by its force: |lambda_i| times the largest root of
         sum_j G_ij^2 / M_jj, in units that all rows share. A row that vanishes, by a symmetry say,
         is measured beside the others; where all of them do, they are measured beside the motion.
 
@@ -578,8 +578,8 @@ class Solution:
     def _law_deviation(self, parts: Sequence[Solution]) -> float:
         """Return how far the legs are from those that leave events as the law says (`leave`).
 
-        At the end of each, to first order, in the coordinates' sizes. Of events on one surface,
-        anywhere on it and at any time: others may be kicks.
+        That is at the end of each, to first order, in the coordinates' sizes. Events on one surface
+        count, anywhere on it and at any time: others may be kicks.
         """
         from actionopt.analysis.flow import ZERO_SIZE
         from actionopt.mechanics.reflection import leave
@@ -693,6 +693,7 @@ class Solution:
 
     @cached_property
     def _comparison(self) -> Comparison:
+        """The comparison of `compare`. Raises ValueError for a path in contact."""
         from actionopt.analysis.compare import compare, join
 
         if self.problem.through:

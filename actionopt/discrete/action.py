@@ -417,7 +417,7 @@ class Action:
         return flat
 
     def state(self, places: Array) -> tuple[Array, Array]:
-        """Return `at` and `v` at the evaluations, as `Evaluations` has them, of places."""
+        """Return what L takes at the evaluations, `at` and `v`, of places (K, width)."""
         if self.order == 1:
             at = places[self.layout.node_of]
             return at, self.velocities(at)

@@ -66,8 +66,8 @@ def kkt(tr: Action, z: Array) -> Array:
 def kinetic(tr: Action, z: Array) -> Array:
     """Return the nonzeros of its kinetic part.
 
-    Of a closed path of higher order r with int eta.L_aa eta dt / T^2r: it is definite, where a
-    constant variation has no rate.
+    For a closed path of higher order r, int eta.L_aa eta dt / T^2r is added to it: a constant
+    variation has no rate, and the sum is definite.
     """
     layout, n = tr.layout, tr.problem.system.n
     if tr.order > 1:
@@ -117,7 +117,8 @@ def _second(tr: Action, z: Array, A: Array, B: Array, C: Array) -> Array:
 def _of_higher_order(tr: Action, L: Array, x: Array | None = None) -> Array:
     """Return the matrix in blocks where L contains accelerations: sum w B_i' L_ij B_j (`element`).
 
-    Of second derivatives as `_second` has them; with the constraints' normals at x, if it is given.
+    `second` are the second derivatives as `_second` has them; the constraints' normals at x are
+    added, if that is given.
     """
     layout, n, r = tr.layout, tr.problem.system.n, tr.order
     nonzeros = np.zeros(layout.blocks.count)

@@ -497,6 +497,11 @@ class _Level:
 
     @classmethod
     def of(cls, D: Array, U: Array, V: Array, definite: bool, *, keeps_last: bool) -> _Level:
+        """Eliminate every other block D (N, f, f) of a matrix with U and V (N - 1, f, f) beside.
+
+        The last one is not eliminated if `keeps_last`. Raises numpy.linalg.LinAlgError where a
+        matrix that is to be `definite` is not.
+        """
         spare = keeps_last and len(D) % 2 == 0
         last = U[-1:], V[-1:]
         if spare:

@@ -232,6 +232,7 @@ class Bordered:
         return self._last
 
     def _over(self, times: Array, kappa: Array | None) -> Transcription:
+        """Return the discrete action over times (k + 2,), the last one if they are its own."""
         last, first, problem = self._last, self.first, self.free
         if (
             last is not None

@@ -242,6 +242,7 @@ class Times:
         return fixed if fixed.size else np.zeros(1, dtype=int)
 
     def _legs(self, beta: Array) -> Legs:
+        """Return what `_at` keeps, made anew."""
         if self.first.size == 1:  # in short what follows does
             h = self.first * math.exp(min(max(float(beta[0]), -OFF), OFF))
             t0, t1 = self.given.tolist()

@@ -91,7 +91,7 @@ class Element:
     def derivatives(self, local: Array) -> list[Array]:
         """Return the derivatives by xi at the nodes, up to that of order r, (E, d + 1, n) each.
 
-        Of the unknowns (E, d + 1, n) in the time xi. What the start alone makes of the polynomial,
+        The unknowns (E, d + 1, n) are in the time xi. What the start alone makes of the polynomial,
         which has no derivative of order r, is taken out first: on short elements its round-off
         would hold the path as springs do, to whatever `basis` happens to be rounded to.
         """

@@ -140,8 +140,8 @@ class Path:
     def carried_on(self, since: Array, reach: float, order: int = 1) -> tuple[Array, Array]:
         """Return q and v (n, K) at times since the first, on the polynomials, also beyond the ends.
 
-        As far as `reach` half lengths of the last element from its middle. Of an `order` above one
-        all derivatives below that one, (order n, K), and that one.
+        That is as far as `reach` half lengths of the last element from its middle. For an `order`
+        above one, q stands for all derivatives below that one, (order n, K), and v for that one.
         """
         *below, highest = self._all_since(self.values, range(order + 1), since, reach)
         return below[0] if order == 1 else np.concatenate(below), highest

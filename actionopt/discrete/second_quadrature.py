@@ -376,6 +376,7 @@ def _add_forces(tr: Action, q: Array, v: Array, t: Array, force: Array) -> Array
 def _shared_out(
     tr: Action, batches: list[Batch], force: Array, momentum: Array
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
+    """Yield the parts of forces and momenta at all points that belong to each batch."""
     first = 0
     for b in batches:
         shape = b.elements.size, b.rule.nodes.size, -1

@@ -1,8 +1,9 @@
 """A path that runs ahead of a neighbour or behind it, moved in time with its mesh.
 
-Where ends move, the tangent of the family of paths moves a node by dq. Of a fast passage, such as
-that of a pericentre, which only comes sooner or later, it makes a displacement along the path of
-many times its own extent, and a curve far from any motion. Taken as the shift of time that it is,
+Where ends move, the tangent of the family of paths moves a node by dq. A fast passage, such as that
+of a pericentre, only comes sooner or later; there the tangent is a displacement along the path of
+many times its own extent, and leads to a curve far from any motion. Taken as the shift of time that
+it is,
 
     t -> t + tau,   q -> q + dq + v tau,   tau = -(dq . v) / (v . v),
 

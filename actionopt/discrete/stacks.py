@@ -335,7 +335,7 @@ class Stack:
         return np.abs(missed).sum(axis=0) / np.where(whole > 0, whole, 1.0)
 
     def imbalance(self, Q: Array, samples: list[Samples]) -> tuple[Array, Array]:
-        """Return how far L changes along paths without a reason, (C,), infinite if not known.
+        """Return how far the balance of energy is off along paths, (C,), infinite if not known.
 
         From sample to sample and element to element, in the unit of `energy_balance`; and their
         `energy_balance.drift`, (C,).

@@ -10,7 +10,7 @@ t' = b_0 + s h', and with them the action and what its gradient is made of, p = 
 
 and constraints f(q, t) = 0 add sum w lam f_t t' and sum w lam f_tt t'^2.
 
-Of higher orders, the state y = (q, v, ...) changes by D h' / h (`Action.shifts`), with D = (0, -v)
+In higher orders, the state y = (q, v, ...) changes by D h' / h (`Action.shifts`), with D = (0, -v)
 for the first, and to second order by D2:
 
     dS = sum w [(L + D.L_y) h' / h + ...],
@@ -198,6 +198,7 @@ def explicit(system: System) -> Pointwise:
 
 
 def _explicit(system: System) -> Pointwise:
+    """Return the function of `explicit`, made anew."""
     s = system.symbols
     lam = ca.SX.sym("lam", system.m)
     L = system.L + (ca.dot(lam, system.f) if system.m else 0)

@@ -53,7 +53,7 @@ def event_at(at: DiscretePath, k: int) -> tuple[Event, float]:
 def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Array | None:
     """Return a point of the event's surface, and of the constraints, near q (n,); None if none is.
 
-    Of the constraints alone where the event lies on no surface. By Newton's method, with steps of
+    Where the event lies on no surface, the constraints alone count. Newton's method takes steps of
     least length in units of `size` (n,).
     """
     system, given = problem.system, list(event.pinned)

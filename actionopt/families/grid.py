@@ -111,7 +111,7 @@ class Grid:
         return {name: float(x[0]) for name, x in self.columns(np.array([i])).items()}
 
     def nearest(self, values: Mapping[Name, float]) -> int:
-        """Return the member that is nearest to some values, in parts of the axes."""
+        """Return the member that is nearest to some values, each in units of its range."""
         found = []
         for name, row in zip(self.names, self.values, strict=True):
             found.append(((row - values[name]) / (np.ptp(row) or 1.0)) ** 2)

@@ -280,6 +280,7 @@ class Runs:
         return self._solution(flat_index(at, self.shape))
 
     def _solution(self, i: int) -> Solution:
+        """Solve member i again. Raises ValueError as `solution` does."""
         if not self.success.flat[i]:
             raise ValueError(
                 f"expected a member that was solved, found {self.grid.text(i)} of the status "

@@ -96,7 +96,8 @@ class Front:
     def wave(self, left: NDInt, known: NDInt) -> NDInt:
         """Return who is to be tried next, or nobody if that would be of no use.
 
-        Of those who are `left`; `known` are the members that are, both (k,) of bool.
+        It is chosen among those who are `left`; `known` are the members that are, both (k,) of
+        bool.
         """
         near, reach = self.near, self._reach
         may = np.flatnonzero(

@@ -184,10 +184,9 @@ class Answers:
                 yield from self._folds(continuations)
 
     def _to_all_sides(self, starts: int) -> Iterator[Start]:
+        """Yield curves past the obstacle on all of its sides."""
         given = self.problem
-        if (
-            given.has_free_boundary
-        ):  # curves are drawn over times and between points that were found once
+        if given.has_free_boundary:  # curves are drawn over times and between points found once
             given = first_acceptable(given, None, self.choices)[0].between_times.problem
         guesses = curves(given, starts, self.seed)
         for i, guess in enumerate(guesses):

@@ -72,7 +72,7 @@ def sheets(solved: NDInt, index: NDInt | None, told: Array, leaps: Sequence[NDIn
         for found, at in ((pairs, joined), (tears, wide)):
             found.append(np.stack([first[at], second[at]]))
         torn.append(changes[wide])
-    labels = _components(solved.size, np.hstack(pairs))
+    labels = _connected_components(solved.size, np.hstack(pairs))
     if tears:
         order = np.argsort(-np.hstack(torn), kind="stable")
         _part(labels, np.hstack(pairs), np.hstack(tears)[:, order])
@@ -151,8 +151,8 @@ def _trend(around: Array) -> Array:
     return np.fmax(*found)
 
 
-def _components(count: int, pairs: NDInt) -> NDInt:
-    """Return for each of `count` members the least that it is connected with by pairs (2, K)."""
+def _connected_components(count: int, pairs: NDInt) -> NDInt:
+    """Return the least member of each one's connected component, (count,), for edges (2, K)."""
     least = np.arange(count)
     while True:
         ends = least[pairs]

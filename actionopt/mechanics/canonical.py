@@ -115,6 +115,7 @@ def _highest(system: System) -> tuple[Symbols, ca.SX, ca.SX]:
 
 
 def _motion_of(system: System) -> System:
+    """Return the system of `motion_of`, made anew: y_2r by the constraints or by p_0 = 0."""
     n, r = system.n, system.order
     if system.m:
         s, highest, _ = _highest(system)

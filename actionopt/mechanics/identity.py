@@ -31,9 +31,9 @@ def general_points(count: int, points: int = GENERIC) -> Array:
 def general_states(n: int, points: int = GENERIC, order: int = 1) -> tuple[Array, Array, Array]:
     """Return q, v (K, n) and t (K, 1) in general position, the first `points` of size one.
 
-    Behind them come coordinates and velocities of all sizes: a term that is small beside the
-    others at one size is large beside them at another. Of a higher `order` the first are the
-    derivatives below it, (K, order n), and the second those of it.
+    Behind them come coordinates and velocities of all sizes: a term that is small beside the others
+    at one size is large beside them at another. For a higher `order` q stands for all derivatives
+    below it, (K, order n), and v for those of it.
     """
     size = 10.0 ** np.array([(a, b) for a in SIZE_DECADES for b in SIZE_DECADES])
     values = general_points((order + 1) * n + 1, points + len(size))

@@ -10,8 +10,8 @@ the middle of what is narrow, and whose slope points there from both sides:
 
 The pulse is as wide as the distance s at which s |g'(c + s)| is one, also where g'' is zero, as of
 exp(-((t - c) / w)^4). Elements that end at c and at either foot see it, and refinement finds the
-rest; with c alone two sums over the same long element may miss it alike. Of two pulses within one
-interval of the samples none is found, nor what depends on q as well.
+rest; with c alone two sums over the same long element may miss it alike. Two pulses within one
+interval of the samples are not found, nor is what depends on q as well.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
 def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[float]:
     """Return middles and feet of all pulses from `start` to `end` that samples may miss, in order.
 
-    Only what is inside; of one at an end its foot.
+    What lies outside is left out; a pulse centred at an end is told by its inner foot.
     """
     times, narrow = np.linspace(start, end, SAMPLES), HIDDEN * (end - start)
 

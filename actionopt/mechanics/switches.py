@@ -267,6 +267,7 @@ def _range_of(node: Node, of: list[Known]) -> Known:
 
 
 def _kind(code: int, of: tuple[int, ...], exponent: float, sign: Sign) -> int:
+    """Return what kind of function an operation makes of operands of these kinds."""
     low, high = min(of), max(of)
     if high == CONSTANT:
         return CONSTANT

@@ -74,6 +74,7 @@ class Reading:
         return found
 
     def _check(self) -> None:
+        """Raise ValueError for arguments that are no symbols, or that do not fit together."""
         for x in (*self.q, *(() if self.t is None else (self.t,))):
             if not isinstance(x, sympy.Symbol | AppliedUndef):
                 raise ValueError(

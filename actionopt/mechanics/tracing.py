@@ -43,7 +43,7 @@ COMPARISONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.
 class Symbols:
     """The arguments of every traced expression: q, v, t and the parameters packed in one column.
 
-    Of a law of higher order q holds the coordinates and all their derivatives but the highest, one
+    In a law of higher order q holds the coordinates and all their derivatives but the highest, one
     after the other, (order n,), and v the highest, (n,).
     """
 

@@ -203,6 +203,7 @@ def _scale(a: Sum, by: Any) -> Sum:
 
 
 def _times(a: Sum, b: Sum) -> Sum:
+    """Return the product of two sums."""
     found: Sum = {}
     for p, c in a.items():
         for q, d in b.items():
@@ -325,6 +326,7 @@ def _place(factor: tuple[Any, Fraction]) -> tuple[int, Any]:
 
 
 def _factor(x: Any, k: Fraction) -> str:
+    """Return the text of a factor: an atom with its power."""
     if isinstance(x, Symbol):
         text = x.name
     elif len(x) == 1:

@@ -1,11 +1,11 @@
 """Newton's method with a step for each coordinate, where each is coupled to few others.
 
-Of a lattice, what happens at one place hardly reaches another in the time there is. Where a mode is
+In a lattice, what happens at one place hardly reaches another in the time there is. Where a mode is
 beyond its resonance, at a place of a few coordinates, Newton's step runs away or comes and goes
 over a fold; damping all of the step by one factor holds up the rest for it, and there are many such
 places. So the step of each coordinate is limited by itself. The limits are drawn at random: with
-equal ones a place may come and go for ever. One that runs away is put back to where it set out,
-and after some steps all of them are, and begin anew a little beside.
+equal ones a place may come and go for ever. One that runs away is put back to where it set out, and
+after some steps all of them are, and begin anew a little beside.
 """
 
 from __future__ import annotations

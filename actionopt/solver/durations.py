@@ -79,9 +79,9 @@ def times_along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | N
 def straight_passage(problem: Problem) -> tuple[Array, Array, Array] | None:
     """Return times from zero, coordinates and velocities (K,) of the motion straight to the end.
 
-    Of one coordinate, where all motions between two places take the same line: dt = dq / v by
-    quadrature, its intervals halved until that changes the duration no more. None where the energy
-    does not let it through, or does not give the velocity.
+    This is for one coordinate, where all motions between two places take the same line: dt = dq / v
+    by quadrature, its intervals halved until that changes the duration no more. None where the
+    energy does not let it through, or does not give the velocity.
     """
     if problem.system.n > 1 or not (problem.start.pinned and problem.end.pinned):
         return None
@@ -179,8 +179,9 @@ def return_time(problem: Problem, q: Array, t: float) -> float:
 def turning_waypoints(problem: Problem) -> Array | None:
     """Return waypoints (1, K) there and back between the turning points of the energy.
 
-    Of a closed path of one coordinate, in the well that is nearest to where it starts, or to zero;
-    with an advance, straight on over all of it. None where no motion of the energy is seen.
+    A closed path of one coordinate stays in the well that is nearest to where it starts, or to
+    zero; with an advance, it goes straight on over all of it. None where no motion of the energy is
+    seen.
     """
     if problem.system.n > 1 or problem.system.m or problem.advance is None:
         return None
@@ -221,10 +222,10 @@ def turning_waypoints(problem: Problem) -> Array | None:
 def oscillations(problem: Problem) -> list[Path]:
     """Return the small oscillations of the energy about the equilibrium near the start.
 
-    Of several coordinates; of one `turning_waypoints` knows more. Over a period each, the fastest
-    first: with that at least a family of closed paths begins at the equilibrium, whose period is
-    found from the energy (Lyapunov's centre theorem; Moser, *Comm. Pure Appl. Math.* 29 (1976)
-    727-747). None where there is no equilibrium, or nothing turns.
+    There are several coordinates; for one, `turning_waypoints` knows more. Each lasts a period, the
+    fastest comes first: with that at least a family of closed paths begins at the equilibrium,
+    whose period is found from the energy (Lyapunov's centre theorem; Moser, *Comm. Pure Appl.
+    Math.* 29 (1976) 727-747). None where there is no equilibrium, or nothing turns.
     """
     system, t = problem.system, problem.start.t
     plain = not (system.m or system.structure.forced or system.structure.depends_on_time)

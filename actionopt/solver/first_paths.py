@@ -254,8 +254,8 @@ class FirstPaths:
     def _motions_to_rest(self) -> Iterator[Path]:
         """Yield motions from the start to where they come to rest, if nothing is given at the end.
 
-        No momentum is left at an end that is free in all coordinates. Of one coordinate, as there
-        the energy leaves the motion no choice.
+        No momentum is left at an end that is free in all coordinates. This is for one coordinate,
+        where the energy leaves the motion no choice.
         """
         problem = self.problem
         t0 = problem.start.t or 0.0

@@ -181,10 +181,11 @@ def _free_path(ws: Along, mesh: Mesh, *, sought: bool = True) -> Iterate:
 def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, bool] | None:
     """Return the least of what is found from strings round the one body that a free path meets.
 
-    Of linear equations that path is the only one, and least where it meets none; of those round a
-    body that is convex on two coordinates one passes on either side: what Ipopt would look for is
-    known. On more, where the nearest way is by far the nearest. None if there is no such string, or
-    the path found from it is in contact elsewhere as well, or not least.
+    Where equations are linear, that path is the only one, and it is least where it meets no body.
+    Round a convex body in two coordinates one path passes on either side: what Ipopt would look for
+    is known. In more coordinates it is known where the nearest way is by far the nearest. None if
+    there is no such string, or the path found from it is in contact elsewhere as well, or not
+    least.
     """
     problem, best, far = ws.question, None, np.inf
     n, m = problem.system.n, problem.system.m

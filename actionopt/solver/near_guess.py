@@ -46,7 +46,7 @@ def follow_guess(
 ) -> Status:
     """Follow the guess, or find the stationary path near it, or continue from it.
 
-    Of the guess only the nodes of `seen` are known, if it is given.
+    If `seen` is given, the guess is known at its nodes only.
     """
     search.begin("guess")
     status = _from_few(search, curve_of, sparse=seen is not None)

@@ -43,7 +43,7 @@ AGAIN = 4  # times that the other surface, and one that moves, is asked anew
 def paths_to_points(
     problem: Problem, tol: float, watch: Watch | None, pairs: Iterable[Array] | None = None
 ) -> Iterator[Path]:
-    """Yield paths to points on the surfaces, that of the least straight line first: `points`."""
+    """Yield paths to `points` on the surfaces, in the order of the actions along straight lines."""
     for k, (fixed, first) in enumerate(points(problem, pairs)):
         if fixed.free_time:
             timed = FirstPaths(fixed, tol, watch).near()

@@ -19,8 +19,8 @@ def read_curve(guess: Any, names: tuple[str, ...]) -> Path | None:
 
     That is piecewise polynomials of scipy's, of either order of axes; what `solve_bvp` and
     `solve_ivp` return, and the `sol` of these; and a DataFrame with columns of those names, whose
-    index, or a column "t", are times. Of 2 n rows the first n are coordinates, the others
-    velocities or momenta.
+    index, or a column "t", are times. Where there are 2 n rows, the first n are coordinates, the
+    others velocities or momenta.
 
     Raises ValueError if it is one of them and does not say a curve of these coordinates.
     """

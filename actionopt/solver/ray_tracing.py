@@ -2,8 +2,9 @@
 
 Many motions leave the start at once and meet the surfaces of the events in their order
 (`reflection`); each is told by how far it misses what the end asks, at the time at which it comes
-nearest. Of closed paths the place of the start is to be found as well: motions leave from anywhere,
-and those that nearly return are brought back by Newton's method on the map from start to return.
+nearest. For closed paths the place of the start is to be found as well: motions leave from
+anywhere, and those that nearly return are brought back by Newton's method on the map from start to
+return.
 """
 
 from __future__ import annotations
@@ -244,7 +245,7 @@ class RayTracer:
     def _meet(self, leg: int, track: Track) -> tuple[Array, tuple[NDInt, Array, NDInt]]:
         """Return how near motions come to the next event, (K,), and where some of them meet it.
 
-        Of these the step, the time and which they are, (M,) each.
+        Those that meet it are told by the step, the time and their numbers, (M,) each.
         """
         joint, event = leg + 1, self.at.joints[leg + 1]
         steps, t = track.samples()
@@ -414,7 +415,7 @@ class ClosedRayTracer(RayTracer):
     def bring_back(self, u: Array) -> Array:
         """Return states (K, M) that return more nearly, by Newton's method on the map.
 
-        Of least length where a step is not unique, as along a family or a motion.
+        Steps are of least length where they are not unique, as along a family or a motion.
         """
         unit = self.unit
         for _ in range(RETURN_STEPS):

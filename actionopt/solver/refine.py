@@ -59,6 +59,7 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
 
 
 def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
+    """Refine as `refine` does, but for a last look at the balance of energy."""
     stalled, missed, most = 0, np.inf, MAX_UNKNOWNS
     for _ in range(ROUNDS):
         before = ws.here.resolution
@@ -210,8 +211,8 @@ def _failure(ws: Workspace) -> Status:
     """Say why a path cannot be refined: it is not determined, or it was none.
 
     It is not determined where round-off is amplified since the action hardly bends in a direction.
-    Otherwise the forces are rounded coarsely, as near a pole in time. Of a path at which Newton's
-    method has not been its matrix tells nothing, unless the equations are linear; nor does one that
+    Otherwise the forces are rounded coarsely, as near a pole in time. The matrix tells nothing of a
+    path at which Newton's method has not been, unless the equations are linear; nor does one that
     is not finite, as where a node lies on a kink of L that is written as arccos(cos(q)).
     """
     known = ws.linear or np.isfinite(ws.here.error)

@@ -242,8 +242,8 @@ def explain_dwelling(
 ) -> Found:
     """Return what can be said of a path that was not found between two equilibria, or rests there.
 
-    That of infinite time shows the way, if there is one. Of a path that was found, only whether its
-    place in time is determined.
+    The path of infinite time shows the way, if there is one. A path that was found is asked only
+    whether its place in time is determined.
     """
     solution, _ = found
     if (

@@ -72,8 +72,9 @@ class MissUnits(NamedTuple):
 def misses(problem: Problem, k: int, state: tuple[Array, Array, Array], unit: MissUnits) -> Array:
     """Return what states miss of what an event asks, (rows, K): the start (k = 0) or the end (1).
 
-    Of coordinates and velocities (n, K) at times (K,): the coordinates it gives, its surface, the
-    momentum along that, and the energy if motions do not keep it. NaN where a state is not finite.
+    States are coordinates and velocities (n, K) at times (K,). The rows are the coordinates that
+    the event gives, its surface, the momentum along that, and the energy if motions do not keep it;
+    NaN where a state is not finite.
     """
     q, v, t = state
     event, system = (problem.start, problem.end)[k], problem.system

@@ -154,7 +154,7 @@ def between(a: Array, b: Array, part: float) -> Array:
 class Ways:
     """How a string comes from one point and goes on to another: as a path does, but for a drift.
 
-    Of a body that falls freely, or is free of forces, all motions are its path and a drift.
+    All motions of a body that falls freely, or is free of forces, are its path and a drift.
 
     Attributes
     ----------

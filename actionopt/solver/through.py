@@ -131,8 +131,9 @@ def attempts(
 ) -> Iterator[tuple[Solution, str]]:
     """Yield what came of each first path, and why it is no answer.
 
-    Of `count` first paths of each kind, each answer once, for a search for all of them. Until a
-    closed path came of any, the first of them twice: Newton's method is lost in a family.
+    With a `count`, which a search for all answers gives, so many first paths of each kind are
+    tried, and each answer comes once. Until a closed path came of any, the first of them are tried
+    twice: Newton's method is lost in a family.
     """
     seen: list[tuple[Array, Array]] = []
     known = False

@@ -1,11 +1,11 @@
 """Guesses for a path: motions that hit the end, or set out from both events and nearly meet.
 
-Of a motion over a long time the end depends steeply on the start, and hardly any of many arrives
+The end of a motion over a long time depends steeply on the start, and hardly any of many arrives
 near an event. Over half the time the dependence is the square root of that, and N motions from the
 start with N from the end, backwards in time, make N^2 pairs. Pairs are chosen by the distance of
 their states (q, v) where they should meet: two motions with the same state there are one motion.
-What is left of the gap is spread over both, and the curve is a path but for a small force; it
-has the oscillations that a path has, which no straight or curved line does.
+What is left of the gap is spread over both, and the curve is a path but for a small force; it has
+the oscillations that a path has, which no straight or curved line does.
 """
 
 from __future__ import annotations

@@ -402,7 +402,7 @@ class Unfixed(Workspace[UnfixedPath]):
         return False
 
     def _hold_along(self) -> bool:
-        """Hold a closed path along the directions of its family, if it seems to be one of one.
+        """Hold a closed path along the directions of its family, if it seems to be a member of one.
 
         On a mesh of its own, as that of a guess may be of many short elements. What is held so has
         a regular matrix; whether the directions are those of a family is counted at the end.
@@ -461,7 +461,7 @@ class Unfixed(Workspace[UnfixedPath]):
     def _pushed_less(self) -> bool:
         """Set the phase of a pushed path about where it is; False if that does not help.
 
-        Of a rough path round a centre, a shift of time and a turn are two directions; where it is
+        For a rough path round a centre, a shift of time and a turn are two directions; where it is
         held by both, it cannot become the circle on which they are one.
         """
         here = self.here

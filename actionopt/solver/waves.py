@@ -146,7 +146,7 @@ def lead(
     first = (integrals(at)[0] - share * asked) / (1 - share)
     path, times = at.path, times_of(at.problem)
     step, now = FIRST_PART, share or FIRST_PART
-    for _ in range(PATIENT):
+    for _ in range(2 * PATIENT):
         near = problem.replace(integral=first + now * (asked - first))
         known = {"times": times, "kappa": kappa}
         equations, y = Bordered.around(near, path, None, lengths, **known)
@@ -172,7 +172,7 @@ def _project(
 
     By Gauss and Newton's method: steps of least length in the amplitudes a.
     """
-    for _ in range(PATIENT):
+    for _ in range(2 * PATIENT):
         z = origin + a @ variations
         reached, slopes = integrals(DiscretePath(tr, z))
         off, J = reached - values, slopes @ variations[:, : slopes.shape[1]].T
