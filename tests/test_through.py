@@ -378,7 +378,8 @@ def test_a_bounce_where_two_surfaces_meet_is_refused():
 def test_a_curve_that_does_not_fit_is_refused(value, rows):
     wall = ao.Bounce(lambda q, t: 1 - q @ q)
     problem = ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [0, 0.3]), through=[wall])
-    with pytest.raises(ValueError, match=r"finite coordinates of shape \(2, 400\)"):
+    said = "a guess that is finite at all times" if rows == 2 else r"to return \(2, K\) for K times"
+    with pytest.raises(ValueError, match=said):
         ao.solve(problem, guess=lambda t: np.full((rows, t.size), value))
 
 

@@ -32,7 +32,7 @@ from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal, first_state
 from actionopt.mechanics.system import SWITCHES
-from actionopt.solver.arguments import Guess
+from actionopt.solver.arguments import Guess, checked_curve
 from actionopt.solver.closed import LOOKED_AT, begin_on_surface
 from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
@@ -515,12 +515,9 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
             "to be found, found a callable: over which times it goes is not known"
         )
     t = np.linspace(b[0], b[1], LOOKED_AT)
-    q = np.atleast_2d(numbers(curve(t), "what the guess returns"))
-    if q.shape != (n, t.size) or not np.isfinite(q).all():
-        raise ValueError(
-            f"expected a guess that returns finite coordinates of shape ({n}, {t.size}) for "
-            f"{t.size} times, found shape {q.shape}"
-        )
+    q = checked_curve(curve, n)(t)
+    if not np.isfinite(q).all():
+        raise ValueError("expected a guess that is finite at all times, found NaN or infinity")
     on_curve = np.concatenate([b[:1], _pass_times(problem, t, q), b[1:]])
     times = np.where(np.isfinite(given), given, on_curve)
     if not np.isfinite(given).any():
