@@ -503,3 +503,42 @@ def test_velocity_ends_where_something_is_not_finite(what):
     lagrangian, q, p, guess = NOT_FINITE[what]
     with pytest.raises(ValueError, match=r"finite|no velocity"):
         System(lagrangian, ["x"]).velocity(q, p, 0.0, guess)
+
+
+def nested(count):
+    """L of count operations, each of the last one's result."""
+
+    def lagrangian(q, v, t):
+        y = q[0]
+        for _ in range(count):
+            y = np.sin(y) + 1e-4 * q[0]
+        return v[0] ** 2 / 2 - y**2 / 2
+
+    return lagrangian
+
+
+def test_ten_thousand_operations_in_a_loop():
+    # CasADi's own printing of them, by recursion, ends the process.
+    system = System(nested(10_000), ["x"])
+    y = 1.0
+    for _ in range(10_000):
+        y = np.sin(y) + 1e-4
+    assert system.lagrangian([1.0], [2.0], 0.0) == pytest.approx(2.0 - y**2 / 2, rel=1e-12)
+
+
+class Cosine(ca.Callback):
+    def __init__(self, **options):
+        ca.Callback.__init__(self)
+        self.construct("Cosine", options)
+
+    def eval(self, arg):
+        return [math.cos(float(arg[0]))]
+
+
+def test_functions_that_casadi_calls_are_refused_without_derivatives():
+    unknown, known = Cosine(), Cosine(enable_fd=True)
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + unknown(q[0]), ["x"])
+    with pytest.raises(ValueError, match=r"cannot be calculated for Cosine; give .*enable_fd"):
+        system.momentum([1.0], [2.0], 0.0)
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + known(q[0]), ["x"])
+    assert system.acceleration([1.0], [2.0], 0.0) == pytest.approx([-math.sin(1.0)], abs=1e-6)

@@ -243,9 +243,18 @@ class Laws:
         """Symbolic first and second derivatives of L and the constraint Jacobian."""
         s = self.symbols
         n = s.q.numel()
-        H, g = ca.hessian(self.L, stack(s.q, s.v))
+        try:
+            H, g = ca.hessian(self.L, stack(s.q, s.v))
+            G = ca.jacobian(self.f, self.place) if self.m else ca.SX(0, self.n)
+        except RuntimeError as error:  # of a function that is called in them
+            what = str(error).strip().splitlines()[-1]
+            raise ValueError(
+                "expected laws that CasADi differentiates, the Lagrangian twice, found that it "
+                f"cannot: {what}; give a function that is called there its derivatives, as "
+                "get_jacobian of a Callback or its option enable_fd, or make a table of its values "
+                'smooth by casadi.interpolant("V", "bspline", [x], values)'
+            ) from error
         H = ca.triu(H) if H.numel() > 4 else H
-        G = ca.jacobian(self.f, self.place) if self.m else ca.SX(0, self.n)
         return Derivatives(g[:n], g[n:], H[:n, :n], H[:n, n:], H[n:, n:], G)
 
     def pointwise(self, name: str) -> Pointwise:
