@@ -43,6 +43,8 @@ def test_a_jump_that_is_crossed_is_named(name):
     solution = across(JUMPS[name])
     assert solution.status is ao.Status.JUMP
     assert not solution.success
+    if name not in ("arctan2", "moving wall"):  # one is not resolved, and one lies along the wall
+        assert solution.compare().agrees is False  # forces are those of the path, not the energy
     # At once: no strategies is climbed for a path that has to cross.
     assert sum(solution.stats["iterations"].values()) < 100
 
