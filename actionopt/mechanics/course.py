@@ -237,10 +237,10 @@ def _refuse(problem: Any, unknown: bool) -> None:
             "expected finite times of a path through events, found an infinite one; give both ends "
             "finite times"
         )
-    if system.r:
+    if system.r and any(isinstance(event, Bounce) for event in problem.through):
         raise ValueError(
-            "expected no obstacle for a path through events, found one: contact is not known "
-            "together with them; give the surface as on= of an event, or a Bounce"
+            "expected no Bounce for a path along an obstacle, found one: what an obstacle holds is "
+            "a least path, and a path that is reflected could be shortened; leave out one of both"
         )
     if unknown and system.structure.forced:
         raise ValueError(

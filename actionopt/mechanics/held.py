@@ -32,14 +32,14 @@ class Held(Problem):
     sought : bool
         Whether the obstacle's rows are those that tell the distance, to first order: `sought` of
         the system. They are zero where its own are.
-    span : (float, float), optional
-        The times of the events for which those of the arcs are; the question's own, if it has them.
+    span : (float, ...), optional
+        The times of all events for which those of the arcs are; the question's own, if it has them.
     """
 
     _free: Problem
     arcs: tuple[Arc, ...] | None
     sought: bool
-    span: tuple[float, float]
+    span: tuple[float, ...]
 
     def __init__(
         self,
@@ -47,11 +47,11 @@ class Held(Problem):
         arcs: tuple[Arc, ...] | None = None,
         *,
         sought: bool = False,
-        span: tuple[float, float] | None = None,
+        span: tuple[float, ...] | None = None,
     ) -> None:
         for name in ("start", "end", "parameters", "packed", "energy", "through", "integral"):
             object.__setattr__(self, name, getattr(free, name))
-        system, span = free.system.with_contact, span or (free.start.t, free.end.t)
+        system, span = free.system.with_contact, span or tuple(e.t for e in free.joints_found)
         if sought:
             system = free.system.with_contact_distance(tuple(measures(free.lengths).tolist()))
         told = sought and not (free.asked and free.asked.has_open_ends)
@@ -68,13 +68,16 @@ class Held(Problem):
     def found_at(
         self, times: Sequence[float] | Array, q: Any = None, kappa: Array | None = None
     ) -> Held:
-        """Return the same over the times t0 and t1, and the arcs at the same parts of them."""
-        (a, b), (t0, t1), arcs = self.span, times, self.arcs
+        """Return the same at other times of events, and the arcs at the same parts of legs."""
+        before, now, arcs = np.array(self.span), np.asarray(times, dtype=float), self.arcs
 
         def later(t: float) -> float:
-            return t0 if t == a else t1 if t == b else t0 + (t - a) * ((t1 - t0) / (b - a))
+            if t in self.span:
+                return float(now[self.span.index(t)])
+            k = int(np.searchsorted(before, t)) - 1
+            return float(now[k] + (t - before[k]) * (np.diff(now) / np.diff(before))[k])
 
-        if arcs is not None and (a, b) != (t0, t1):
+        if arcs is not None and (before != now).any():
             arcs = tuple(Arc(x.row, later(x.begin), later(x.end)) for x in arcs)
         return Held(self.free.found_at(times, q, kappa), arcs, sought=self.sought)
 
@@ -103,7 +106,8 @@ class Held(Problem):
     def fixed_times(self) -> Array:
         """The times of the events, and those between at which a law switches, in order."""
         t0, t1 = self.start.t, self.end.t
-        return np.array([t0, *(t for _, t in self.instants if t0 < t < t1), t1])
+        found = np.array([t0, *(t for _, t in self.instants if t0 < t < t1), t1])
+        return np.union1d(found, [e.t for e in self.through]) if self.through else found
 
     @cached_property
     def knots(self) -> Array:

@@ -43,13 +43,15 @@ NO_ROOM = "no path outside of the obstacle was found: its rows may contradict ea
 
 def sideways(problem: Problem) -> Array:
     """Return a direction (n,) across the straight line, coordinates in units of `measures`."""
-    n, sizes = problem.system.n, 2.0 ** measures(problem.lengths)
     mesh = Mesh.uniform(problem.start.t, problem.end.t, 2, 1)
     Q = Transcription(problem, mesh, problem.lengths).straight()
-    along, side = (Q[-1] - Q[0]) / sizes, np.cos(np.arange(1.0, 1.0 + n))
-    if along.any():
-        side = side - (side @ along) / (along @ along) * along
-    return side
+    return _across((Q[-1] - Q[0]) / 2.0 ** measures(problem.lengths))
+
+
+def _across(along: Array) -> Array:
+    """Return a direction (n,) across another one, any one if that is zero."""
+    side = np.cos(np.arange(1.0, 1.0 + along.size))
+    return side - (side @ along) / (along @ along) * along if along.any() else side
 
 
 def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
@@ -67,10 +69,13 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
         return [path for path, _ in bent] or [None]
     if n == 1:
         return [None]
-    Q = Transcription(problem, mesh, problem.lengths).straight()
-    sizes = 2.0 ** measures(problem.lengths)
-    side = sideways(problem)
-    bow = np.sin(np.pi * mesh.nodes_since / mesh.duration)[:, None] * (side * sizes)
+    tr = Transcription(problem, mesh, problem.lengths)
+    Q, joints, sizes = tr.straight(), tr.joints, 2.0 ** measures(problem.lengths)
+    leg = np.minimum(np.searchsorted(joints, np.arange(len(Q)), side="right"), len(joints) - 1) - 1
+    sides = np.array([_across(along) for along in np.diff(Q[joints], axis=0) / sizes])
+    first, last = mesh.nodes_since[joints[leg]], mesh.nodes_since[joints[leg + 1]]
+    part = (mesh.nodes_since - first) / (last - first)
+    bow = np.sin(np.pi * part)[:, None] * (sides[leg] * sizes)
     outside = problem.system.with_contact.pointwise("constraint")
     found: list[Path | None] = [None]
     for sign in (1.0, -1.0):
@@ -123,16 +128,21 @@ def contact_parts(found: DiscretePath) -> tuple[Arc, ...]:
     # Events on the obstacle have no rows.
     met = np.abs(f) <= EVENT_TOLERANCE * tr.row_units[-len(f) :, None]
     distance = np.sqrt(np.maximum(f, 0.0))
-    arcs = []
+    arcs, inner = [], tr.joints[1:-1]
     for i, row in enumerate(on):
         row[0] |= row[1] and met[i, 0]
         row[-1] |= row[-2] and met[i, -1]
+        row[inner] |= (row[inner - 1] | row[inner + 1]) & met[i, inner]
         for k, l in runs(row):
             if k == l and t[k] in held.fixed_times:  # at a free end alone, or at a kink
                 arcs.append(Arc(i, float(t[k]), float(t[k])))
                 continue
-            begin = _where_zero(t[k::-1], distance[i, k::-1])
-            arcs.append(Arc(i, begin, _where_zero(t[l:], distance[i, l:])))
+            begin, end = float(t[k]), float(t[l])
+            if k not in inner:  # on the obstacle at an event it may leave at an angle
+                begin = _where_zero(t[k::-1], distance[i, k::-1])
+            if l not in inner:
+                end = _where_zero(t[l:], distance[i, l:])
+            arcs.append(Arc(i, begin, end))
     return tuple(arcs)
 
 
@@ -149,8 +159,9 @@ def other_sides(found: DiscretePath) -> list[Path]:
     arcs, parameters = contact_parts(found), held.parameters
     sizes = 2.0 ** measures(held.lengths)
     for arc in arcs:
-        a = max((x.end for x in arcs if x.end < arc.begin), default=held.start.t)
-        b = min((x.begin for x in arcs if x.begin > arc.end), default=held.end.t)
+        events = [e.t for e in held.joints_found]
+        a = max(t for t in (*(x.end for x in arcs), *events) if t < arc.begin or t == events[0])
+        b = min(t for t in (*(x.begin for x in arcs), *events) if t > arc.end or t == events[-1])
         if not a < arc.begin <= arc.end < b:
             continue
         t, i = (arc.begin + arc.end) / 2, held.free.system.m + arc.row

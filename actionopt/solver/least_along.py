@@ -16,6 +16,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, measures
@@ -51,6 +52,7 @@ from actionopt.tools.watch import OutOfTime, Spent, Watch
 
 # Ad hoc, all of them.
 SOUGHT, SOUGHT_DEGREE = 16, 4  # elements on which contact is sought first, and their degree
+SOUGHT_ON_LEG = 8  # of them, at least between two events
 CONTACT_MESHES, CONTACT_ELEMENTS = 7, 200  # meshes on which it is sought, and elements of one
 # What finer meshes may cost that find no path, in second derivatives on one element: those that did
 # took 2,500 to 24,000 (four of 120 random obstacles), one round two thin walls 245,000 for nothing.
@@ -99,13 +101,15 @@ def _search(
 ) -> Iterator[tuple[Along, Status, bool]]:
     """Yield what is found on finer and finer meshes: see `_least`."""
     problem = ws.question
-    since = np.linspace(0.0, problem.duration, SOUGHT + 1)
+    since = _first_boundaries(problem)
     for k in range(CONTACT_MESHES):
         if k == 1:
             ws.watch = ws.watch or Watch(None, None)
             if ws.watch.has_costs:
                 ws.watch.most = ws.watch.evaluated + FINER
         mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
+        if problem.through:
+            mesh = with_boundaries(mesh, problem.boundaries)
         guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
         if k == 0 and curve_of is None:
             if drawn := _round_one_body(ws, tol, mesh):
@@ -139,6 +143,16 @@ def _search(
             return
 
 
+def _first_boundaries(problem: Problem) -> Array:
+    """Return times since the start at which elements end on which contact is sought first."""
+    if not problem.through:
+        return np.linspace(0.0, problem.duration, SOUGHT + 1)
+    times = np.array([e.t for e in problem.joints_found]) - problem.start.t
+    parts = np.maximum(SOUGHT_ON_LEG, np.ceil(SOUGHT * np.diff(times) / times[-1]).astype(int))
+    legs = zip(times[:-1], times[1:], parts, strict=True)
+    return np.unique(np.concatenate([np.linspace(a, b, k + 1) for a, b, k in legs]))
+
+
 def _draw_strings(
     ws: Along, tol: float, mesh: Mesh, guess: Path | None
 ) -> tuple[Along, Status, bool] | None:
@@ -148,7 +162,7 @@ def _draw_strings(
     Ipopt's path goes through.
     """
     problem, best = ws.question, None
-    if problem.system.n == 1 or problem.system.m or problem.integral is not None:
+    if problem.system.n == 1 or problem.system.m or problem.is_course:
         return None
     sizes, free = 2.0 ** measures(problem.lengths), _free_path(ws, mesh)
     for sign in (1.0, -1.0) if guess is None else (1.0,):
@@ -189,7 +203,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     """
     problem, best, far = ws.question, None, np.inf
     n, m = problem.system.n, problem.system.m
-    beside = problem.advance is not None or problem.integral is not None
+    beside = problem.advance is not None or problem.is_course
     if n == 1 or m or beside or not problem.system.structure.linear:
         return None
     check_once(ws, mesh, None)
