@@ -260,7 +260,7 @@ class Solution:
         system, at = self.problem.system, self.discrete
         if not self.problem.through:
             return _read_only(np.zeros((0, system.order * system.n)), np.zeros(0))
-        if not system.m:
+        if not (system.m or self.contacts):
             return _read_only(-at.tr.pulls(at.z)[1:-1], by_times(at)[1:-1])
         # The rows that an event of given place has not would push there, too: from both sides.
         p, H = [], []

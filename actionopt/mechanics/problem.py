@@ -352,6 +352,11 @@ class Problem:
         return self.free_time or self.on_surface
 
     @property
+    def has_open_events(self) -> bool:
+        """Whether the time or the place of an event between the ends is to be found."""
+        return any(e.t is None or e.on is not None for e in self.through)
+
+    @property
     def original(self) -> Problem:
         """The problem as it was asked for, with nothing found yet."""
         return self.asked or self
@@ -394,8 +399,7 @@ class Problem:
         if not self.through:
             begins_on = self.advance is not None and self.start.on is not None
             return outer and (self.system.order > 1 or begins_on)
-        inner = any(e.t is None or e.on is not None for e in self.through)
-        return inner or outer
+        return self.has_open_events or outer
 
     @property
     def is_course(self) -> bool:

@@ -408,6 +408,11 @@ class System(NumericLaws):
         """
         return self._holding(self.outside) if self.r else self
 
+    @Once
+    def without_obstacle(self) -> System:
+        """Return the same system with nothing in the way."""
+        return self._holding(ca.SX(0, 1))
+
     def obstacle(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return f(q, t) of the obstacle, shape (r, K) or (r,): not negative outside of it."""
         return self.with_contact.constraint(q, t, parameters=parameters)[self.m :]

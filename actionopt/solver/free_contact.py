@@ -10,13 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from time import perf_counter
+
+import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.borders import over
+from actionopt.discrete.borders import over, times_of
 from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
+from actionopt.mechanics.events import Event
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
@@ -39,7 +43,8 @@ from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
 # Ad hoc.
-TRIED = 3  # pairs of points on surfaces
+TRIED = 3  # pairs of points on surfaces, or ways through events
+MOST_WAYS = 8  # of these, some of which may pass events inside of the obstacle
 DURATIONS = 4  # durations tried, until one is near that of the energy
 NOWHERE = "no path between given events near these was found"
 
@@ -55,7 +60,7 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
         for near in _between_given(problem, guess, watch):
             if not near.success:
                 continue
-            ws = Along(Held(over(problem, near.duration)), tol=tol, watch=watch)
+            ws = Along(Held(_at(problem, near)), tol=tol, watch=watch)
             try:
                 status = release_contacts(ws, tol, near)
                 status = settle_on(ws, status, choices.mesh, least=True)
@@ -71,7 +76,7 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
     except OutOfTime:  # on the way to a path between given events
         hint = ""
     if best is None:
-        ws = Along(Held(over(problem, 1.0)), tol=tol, checked=True)
+        ws = Along(Held(_at_first(problem)), tol=tol, checked=True)
         ws.ensure_iterate()
         status = Status.NOT_FOUND if hint else Status.OUT_OF_TIME
         best = solution_of(ws, status, "obstacle", started)
@@ -88,6 +93,9 @@ def _between_given(
     problem: Problem, guess: Guess | None, watch: Watch | None
 ) -> Iterator[Solution]:
     """Yield paths between given events near what is asked."""
+    if problem.through:
+        yield from _through_given(problem, guess, watch)
+        return
     path = None if guess is None else guess_path(problem, guess, REPRESENTED[0])
     asked = [problem]
     if problem.on_surface:
@@ -109,8 +117,63 @@ def _between_given(
 
 def _with_duration(problem: Problem, duration: float) -> Problem:
     """Return the question with events at given times."""
-    there = over(problem, duration)
-    return Problem(there.system, there.start, there.end, parameters=there.parameters)
+    there, integral = over(problem, duration), problem.integral
+    given = {"parameters": there._given_parameters, "integral": integral}
+    return Problem(there.question, there.start, there.end, **given)
+
+
+def _at_first(problem: Problem) -> Problem:
+    """Return the question at some times, for a verdict on no path."""
+    from actionopt.solver.through import fill_times
+
+    if not problem.is_joined:
+        return over(problem, 1.0)
+    given = times_of(problem)
+    return problem.found_at(fill_times(given, np.ones(given.size - 1)))
+
+
+def _at(problem: Problem, near: Solution) -> Problem:
+    """Return the question at the times, and with the multipliers, of a path of given events."""
+    if not problem.is_joined:
+        return over(problem, near.duration)
+    kappa = near.problem.kappa if problem.integral is not None else None
+    return problem.found_at(times_of(near.problem), kappa=kappa)
+
+
+def _through_given(
+    problem: Problem, guess: Guess | None, watch: Watch | None
+) -> Iterator[Solution]:
+    """Yield paths through events that are given, where and when paths with nothing in the way pass.
+
+    Raises ValueError as the search for those does.
+    """
+    from actionopt.solver.through import attempts, read_guess, starts
+
+    def ways() -> Iterator[tuple[Path, Array]]:
+        """Yield a guess; paths with nothing in the way, and first ones to these."""
+        if guess is not None:
+            yield read_guess(problem, guess)
+            return
+        for solution, _ in islice(attempts(plain, FIRST_TOL, None, watch), 1):
+            if solution.success:
+                yield solution.path, times_of(solution.problem)
+        yield from starts(plain, None)
+
+    events = problem.start, problem.end
+    given = {"parameters": problem._given_parameters, "integral": problem.integral}
+    known = given | {"through": problem.through, "energy": problem.energy}
+    plain = Problem(problem.question.without_obstacle, *events, **known)
+    tried = 0
+    for path, times in islice(ways(), MOST_WAYS):
+        places, asked = path(times).T, problem.found_at(times)
+        pairs = zip(asked.joints_found, places.tolist(), strict=True)
+        start, *through, end = (Event(e.t, q) for e, q in pairs)
+        with suppress(ValueError):  # one of the places is inside of the obstacle
+            fixed = Problem(problem.question, start, end, through=through, **given)
+            yield solve_on_the_way(fixed, FIRST_TOL, watch, None if guess is None else path)
+            tried += 1
+        if tried == TRIED:
+            return
 
 
 def _ends(problem: Problem, path: Path) -> Array:

@@ -27,6 +27,7 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import times_of
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.contact_times import merge_contacts, tangency_step, with_contact_times
 from actionopt.discrete.discrete_path import DiscretePath
@@ -123,8 +124,10 @@ class Along(Workspace[Iterate]):
         question, here = self.question, self.here
         if not isinstance(here, UnfixedPath):
             return super().answer()
-        if question.on_surface:
-            question = question.original.found_at(self.contact_problem.span, here.Q[[0, -1]])
+        if question.on_surface or question.has_open_events:
+            times, kappa = times_of(here.problem), question.kappa
+            places = here.Q[here.tr.joints]
+            question = question.original.found_at(times, places, kappa if kappa.size else None)
         held = Held(question, self.contact_problem.arcs)
         return question, DiscretePath.of(held, here.path, here.rows)
 
@@ -257,7 +260,11 @@ class Along(Workspace[Iterate]):
         here, longer = self.here, 0.0
         mesh = old.mesh.moved(*here.mesh.boundaries[[0, -1]])
         if isinstance(here, UnfixedPath):
-            longer = here.bordered.reach * abs(mesh.duration / old.mesh.duration - 1)
+            was, now = times_of(old.problem), times_of(here.problem)
+            longer = here.bordered.reach * float(np.abs(np.diff(now) / np.diff(was) - 1).max())
+            if was.size > 2:  # its legs are stretched between their events
+                since = np.interp(old.mesh.since, was - was[0], now - now[0])
+                mesh = mesh.cut(since, mesh.degrees)
         path = Path(mesh, old.Q.T).on(here.mesh)
         return float(np.max(np.abs(here.Q - path.values.T) / old.sizes)) + longer
 

@@ -134,7 +134,7 @@ def _along(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     from actionopt.solver.free_contact import free_contact
 
     if problem.advance is None or problem.start.on is None:
-        given = not problem.has_open_ends
+        given = not (problem.has_open_ends or problem.has_open_events)
         return (between if given else free_contact)(problem, guess, choices)
     free = problem.replace(start=Event(problem.start.t, [None] * problem.system.n))
     found = first_acceptable(free, guess, choices)

@@ -371,7 +371,7 @@ def _sizes(problem: Problem, points: Array) -> Array:
         size = np.maximum(size, _extent(problem, points, size))
     way = np.where(size > 0, size, size.max() or 1.0)[None]
     middle = points.mean(axis=0, keepdims=True)
-    times = _fill(times_of(problem), np.ones(len(points) - 1))
+    times = fill_times(times_of(problem), np.ones(len(points) - 1))
     unit = np.sqrt(_inertia(problem, middle, way, times.mean(keepdims=True))[0])
     if not (np.isfinite(unit).all() and (unit > 0).all()):
         unit = np.ones(size.size)
@@ -381,7 +381,7 @@ def _sizes(problem: Problem, points: Array) -> Array:
 
 def _extent(problem: Problem, points: Array, size: Array) -> Array:
     """Return how far points on the surfaces of events are from the origin, (n,): of a few."""
-    times = _fill(times_of(problem), np.ones(len(points) - 1))
+    times = fill_times(times_of(problem), np.ones(len(points) - 1))
     scale, found = size.max() or 1.0, [np.zeros(size.size)]
     for event, t in zip(problem.joints_found, times.tolist(), strict=True):
         for away in np.concatenate([np.eye(size.size), -np.eye(size.size)]):
@@ -393,7 +393,7 @@ def _extent(problem: Problem, points: Array, size: Array) -> Array:
 
 def _inertia(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     """Return the diagonal of the mass matrix (K, n) at q, v (K, n) and t (K,)."""
-    at = problem.found_at(_fill(times_of(problem), np.ones(len(problem.joints_found) - 1)))
+    at = problem.found_at(fill_times(times_of(problem), np.ones(len(problem.joints_found) - 1)))
     with np.errstate(all="ignore"):
         second = at.system.pointwise("second")(*first_state(at.system, q, v), t[:, None], at.packed)
     return diagonal(at.system, 2, second[2])
@@ -406,7 +406,7 @@ def _begin(problem: Problem, q: Array, size: Array, share: Array) -> tuple[Path,
     `share` (k + 1,).
     """
     q = q.copy()
-    times = _fill(times_of(problem), np.ones(len(q) - 1))
+    times = fill_times(times_of(problem), np.ones(len(q) - 1))
     for _ in range(2):  # surfaces may move, and times depend on places
         for k, event in enumerate(problem.joints_found):
             if event.on is not None or problem.system.m:
@@ -416,7 +416,7 @@ def _begin(problem: Problem, q: Array, size: Array, share: Array) -> tuple[Path,
                 q[k] = found
         if problem.advance is not None:
             q[-1] = problem.closed_from(q[0])
-        times = _fill(times_of(problem), share * _durations(problem, q))
+        times = fill_times(times_of(problem), share * _durations(problem, q))
     if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
         return None
     return polygon(q, times), times
@@ -434,7 +434,7 @@ def polygon(q: Array, times: Array) -> Path:
 
 def along_ray(problem: Problem, ray: Ray) -> tuple[Path, Array] | None:
     """Return a motion, as a path through the given coordinates at the given times."""
-    times = _fill(times_of(problem), np.diff(ray.times))
+    times = fill_times(times_of(problem), np.diff(ray.times))
     if not (np.diff(times) > 0).all():
         return None
     miss = np.array(
@@ -456,7 +456,7 @@ def along_ray(problem: Problem, ray: Ray) -> tuple[Path, Array] | None:
 def _durations(problem: Problem, q: Array) -> Array:
     """Return how long legs between points q (k + 2, n) take at the energy, or in proportion."""
     way, middle = np.diff(q, axis=0), (q[1:] + q[:-1]) / 2
-    at = problem.found_at(_fill(times_of(problem), np.ones(len(way))))
+    at = problem.found_at(fill_times(times_of(problem), np.ones(len(way))))
     t = np.array(
         [(a.t + b.t) / 2 for a, b in zip(at.joints_found[:-1], at.joints_found[1:], strict=True)]
     )
@@ -473,7 +473,7 @@ def _durations(problem: Problem, q: Array) -> Array:
     return np.where(np.isfinite(found), np.maximum(found, least), least)
 
 
-def _fill(given: Array, durations: Array) -> Array:
+def fill_times(given: Array, durations: Array) -> Array:
     """Return times (k + 2,) with those that are NaN in proportion to durations (k + 1,)."""
     since = np.concatenate([[0.0], np.cumsum(durations)])
     known = np.flatnonzero(np.isfinite(given))
@@ -505,7 +505,7 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
                 f"event, found shape {points.shape}"
             )
         q = points.T
-        times = _fill(given, _durations(problem, q))
+        times = fill_times(given, _durations(problem, q))
         return polygon(q, times), times
     curve = guess
     b = curve.mesh.boundaries[[0, -1]] if isinstance(curve, Path) else given[[0, -1]]
@@ -523,7 +523,7 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
     if not np.isfinite(given).any():
         times = on_curve
     elif not np.isfinite(given[[0, -1]]).all() or not (np.diff(times) > 0).all():
-        times = _fill(given, np.diff(on_curve))
+        times = fill_times(given, np.diff(on_curve))
     mesh = polygon(np.zeros((len(times), n)), times).mesh
     whole = problem.advance is not None and not problem.through  # a closed path is one leg
     if whole or problem.integral is not None:
@@ -540,7 +540,7 @@ def _pass_times(problem: Problem, t: Array, q: Array) -> Array:
     size = np.ptp(q, axis=1)
     size = np.where(size > 0, size, size.max() or 1.0)[:, None]
     packed = problem.found_at(
-        _fill(times_of(problem), np.ones(len(problem.joints_found) - 1))
+        fill_times(times_of(problem), np.ones(len(problem.joints_found) - 1))
     ).packed
     costs = []
     for event in problem.through:
