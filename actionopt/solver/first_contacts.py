@@ -12,6 +12,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from actionopt.discrete.borders import times_of
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
@@ -63,7 +64,7 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     if problem.integral is not None:
         from actionopt.solver.waves import first_waves
 
-        times, random = mesh.boundaries[[0, -1]], np.random.default_rng(0)
+        times, random = times_of(problem), np.random.default_rng(0)
         straight = Path(mesh, Transcription(problem, mesh, problem.lengths).straight().T)
         bent = first_waves(problem, straight, times, problem.lengths, 2 * n, random)
         return [path for path, _ in bent] or [None]

@@ -154,9 +154,10 @@ def _through_given(
         if guess is not None:
             yield read_guess(problem, guess)
             return
-        for solution, _ in islice(attempts(plain, FIRST_TOL, None, watch), 1):
-            if solution.success:
-                yield solution.path, times_of(solution.problem)
+        tries = islice(attempts(plain, FIRST_TOL, None, watch), MOST_WAYS)
+        free = next((solution for solution, _ in tries if solution.success), None)
+        if free is not None:
+            yield free.path, times_of(free.problem)
         yield from starts(plain, None)
 
     events = problem.start, problem.end
@@ -167,7 +168,10 @@ def _through_given(
     for path, times in islice(ways(), MOST_WAYS):
         places, asked = path(times).T, problem.found_at(times)
         pairs = zip(asked.joints_found, places.tolist(), strict=True)
-        start, *through, end = (Event(e.t, q) for e, q in pairs)
+        start, *through, end = (
+            Event(e.t, [y if x is None else x for x, y in zip(e.q, q, strict=True)])
+            for e, q in pairs
+        )
         with suppress(ValueError):  # one of the places is inside of the obstacle
             fixed = Problem(problem.question, start, end, through=through, **given)
             yield solve_on_the_way(fixed, FIRST_TOL, watch, None if guess is None else path)
