@@ -2,6 +2,7 @@
 
 import pickle
 from copy import deepcopy
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -538,6 +539,109 @@ def test_ropes_that_grow_come_to_lie_on_the_floor():
     assert [len(found.solution(k).contacts) for k in (0, 1)] == [0, 1]
     with pytest.raises(ao.SolveError, match="integrals have the values"):
         ao.solve(problem.replace(integral=np.hypot(D, a - b) - 0.1))
+
+
+def shortest(A, B):
+    """Return the length of the shortest way outside of the unit disc, and if it touches."""
+    A, B = np.array(A), np.array(B)
+    d = B - A
+    nearest = A + np.clip(-(A @ d) / (d @ d), 0, 1) * d
+    if np.hypot(*nearest) >= 1:
+        return np.hypot(*d), False
+    return np.sqrt(2 * around(A, B)[1]), True
+
+
+def points_outside(random, count):
+    found = []
+    while len(found) < count:
+        point = random.uniform(-3, 3, 2)
+        if np.hypot(*point) > 1.1:
+            found.append(point.tolist())
+    return found
+
+
+@pytest.mark.parametrize("seed", [0, *slow(*range(1, 31))])
+def test_a_string_round_a_disc_through_points_at_given_times(seed):
+    """Taut on each leg, and free of the others."""
+    random = np.random.default_rng(seed)
+    points = points_outside(random, random.integers(3, 7))
+    times = random.uniform(-2, 2) + np.cumsum(random.uniform(0.4, 1.5, len(points)))
+    start, *through, end = (ao.Event(t, q) for t, q in zip(times.tolist(), points, strict=True))
+    sol = ao.solve(ao.Problem(body(disc()), start, end, through=through))
+    legs = [shortest(*ends) for ends in pairwise(points)]
+    speeds = np.array([length for length, _ in legs]) / np.diff(times)
+    assert sol.action == pytest.approx(speeds**2 @ np.diff(times) / 2, rel=1e-10)
+    assert len(sol.contacts) == sum(touched for _, touched in legs) and sol.morse_index == 0
+    H = speeds**2 / 2
+    assert sol.energy_jumps == pytest.approx(np.diff(H), abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", [0, *slow(*range(1, 31))])
+@pytest.mark.parametrize("energy", [None, *slow(1.5)])
+def test_a_string_round_a_disc_through_points_at_times_that_are_found(seed, energy):
+    """At one speed, also at the points."""
+    random = np.random.default_rng(seed)
+    A, *points, B = points_outside(random, random.integers(3, 5))
+    through = [ao.Event(None, q) for q in points]
+    end = ao.Event(1.5 if energy is None else None, B)
+    sol = ao.solve(ao.Problem(body(disc()), ao.Event(0, A), end, through=through, energy=energy))
+    legs = pairwise([A, *points, B])
+    lengths, touched = np.transpose([shortest(*leg) for leg in legs])
+    speed = lengths.sum() / 1.5 if energy is None else np.sqrt(2 * energy)
+    assert sol.action == pytest.approx(speed * lengths.sum() / 2, rel=1e-10)
+    times = [event.t for event in sol.problem.joints_found]
+    assert np.diff(times) == pytest.approx(lengths / speed, rel=1e-7)
+    assert len(sol.contacts) == touched.sum() and sol.morse_index == 0
+
+
+def test_a_string_round_a_disc_to_a_line_and_back():
+    """As if the way went on behind the line, as in a mirror."""
+    line = ao.Event(None, None, on=lambda q, t: q[1] - 2)
+    A, B = (-1.5, -1), (2, 0.5)
+    sol = ao.solve(ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B), through=[line]))
+    places = np.linspace(-2, 2, 2001)  # the length is least at one of them, to second order
+    lengths = [shortest(A, (x, 2))[0] + shortest((x, 2), B)[0] for x in places]
+    assert sol.action == pytest.approx(min(lengths) ** 2 / 2, rel=1e-5)
+    assert len(sol.contacts) == 1 and sol.impulses[0] == pytest.approx([0, sol.impulses[0][1]])
+
+
+def test_a_string_held_on_a_disc():
+    """It lies on the disc before the point and after it, and the speed jumps there."""
+    ends, top = (ao.Event(0, [-2, 0.3]), ao.Event(2, [2, 0.3])), ao.Event(1.2, [0, 1])
+    sol = ao.solve(ao.Problem(body(disc()), *ends, through=[top]))
+    length = np.sqrt(3.09) + np.arccos(0.3 / np.sqrt(4.09)) - np.arctan(np.sqrt(3.09))
+    assert sol.action == pytest.approx(length**2 / 2 * (1 / 1.2 + 1 / 0.8))
+    arc = length - np.sqrt(3.09)
+    ends = 1.2 - 1.2 * arc / length, 1.2 + 0.8 * arc / length
+    assert [(x.begin, x.end) for x in sol.contacts] == [pytest.approx(ends)]
+    assert sol.impulses[0] == pytest.approx([length / 0.8 - length / 1.2, 0], abs=1e-7)
+
+
+def test_a_curve_round_a_given_area_in_a_box():
+    """A square whose corners are rounded by quarters of circles."""
+    box = ao.System(
+        lambda q, v, t: v @ v / 2,
+        ["x", "y"],
+        obstacle=lambda q, t: [1 - q[0], 1 + q[0], 1 - q[1], 1 + q[1]],
+        integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2,
+    )
+    r = 0.75
+    area, length = 4 - (4 - np.pi) * r**2, 8 - (8 - 2 * np.pi) * r
+    problem = ao.Problem(box, ao.Event(0, [None, None]), ao.Periodic(1.0), integral=area)
+    sol = ao.solve(problem, guess=lambda t: [np.cos(2 * np.pi * t), np.sin(2 * np.pi * t)])
+    assert sol.action == pytest.approx(length**2 / 2)
+    assert sol.integral_multipliers == pytest.approx([-length / r])
+    assert {arc.row for arc in sol.contacts} == {0, 1, 2, 3}
+
+
+def test_a_path_along_an_obstacle_does_not_bounce():
+    with pytest.raises(ValueError, match="expected no Bounce"):
+        ao.Problem(
+            body(disc()),
+            ao.Event(0, [2, 0]),
+            ao.Event(1, [2, 1]),
+            through=[ao.Bounce(lambda q, t: 3 - q[0])],
+        )
 
 
 def test_what_does_not_know_contact_says_so():
