@@ -95,9 +95,10 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
     knots = np.union1d(contacts_of(tr.problem).knots, times)
     rates = np.array([np.interp(b, knots, row) for row in np.eye(knots.size)])
     rates, beside = rates[np.searchsorted(knots, times)], []
+    events = np.zeros(0, dtype=int)  # whose times are unknown, too
     if isinstance(equations, Bordered):
-        beside = list(zip(equations.borders, equations.parts, strict=True))
-        rates = np.vstack([rates, tr.joint_rates[equations.moving]])  # with the events' times
+        beside, events = zip(equations.borders, equations.parts, strict=True), equations.moving
+        rates = np.vstack([rates, tr.joint_rates[events]])
     stretch, met = Stretch(at, rates), list(slips(at))
     columns, rows = np.zeros((z.size, count)), np.zeros((len(met), z.size))
     columns[: tr.layout.size] = stretch.residuals()[:, :count]
@@ -106,7 +107,6 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
     own = np.array([slip.by_times(stretch) for slip in met])
     for border, part in beside:
         if isinstance(border, Times):
-            events = equations.moving
             bend = stretch.twice()[count:, :count]
             # The parts of a leg at which contact is change with its duration.
             joints = tr.mesh.nodes[tr.joints]

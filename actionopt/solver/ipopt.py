@@ -187,7 +187,7 @@ class _Solver:
     """Ipopt for one layout, one principle, and a number of dense rows behind its own."""
 
     def __init__(self, principle: Principle, bound: Transcription | _Given) -> None:
-        self.bound = bound
+        self.bound: Any = bound  # a `_Given` has what a least path needs
         layout = bound.layout
         added = bound.added if isinstance(bound, _Given) else 0
         size, rows = (
@@ -291,8 +291,9 @@ def find(
     cut = given.layout.unknowns
     bound = 0.0 if mine.functions[0].outputs[1][1].numel() else np.zeros(0)
     with np.errstate(all="ignore"), raised_later(mine.raised, stop=False):
-        above = bound if outside is None else np.zeros(mine.rows)
+        above: Any = bound
         if outside is not None:
+            above = np.zeros(mine.rows)
             above[: outside.size][outside] = np.inf
         answer = mine.solver(x0=z[:cut] if principle != "stationary" else z, lbg=bound, ubg=above)
         stats = mine.solver.stats()
