@@ -107,8 +107,12 @@ class Browser:
             {"name": "prefers-reduced-motion", "value": "reduce" if still else "no-preference"},
         ]
         self.order("Emulation.setEmulatedMedia", features=features)
+        self.load(file.as_uri())
+
+    def load(self, address):
+        """Load an address and wait until all of it is there."""
         self.events.clear()
-        self.order("Page.navigate", url=file.as_uri())
+        self.order("Page.navigate", url=address)
         while "Page.loadEventFired" not in self.events:
             self.read()
 
