@@ -93,8 +93,7 @@ class Browser:
             self.errors.append(what["entry"]["text"])
         return event
 
-    def open(self, file, width=1280, height=900, dark=False, still=False):
-        """Load a file in a window of this size and wait until all of it is there."""
+    def resize(self, width, height):
         self.order(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -102,6 +101,10 @@ class Browser:
             deviceScaleFactor=1,
             mobile=width < 500,
         )
+
+    def open(self, file, width=1280, height=900, dark=False, still=False):
+        """Load a file in a window of this size and wait until all of it is there."""
+        self.resize(width, height)
         features = [
             {"name": "prefers-color-scheme", "value": "dark" if dark else "light"},
             {"name": "prefers-reduced-motion", "value": "reduce" if still else "no-preference"},
