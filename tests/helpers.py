@@ -38,6 +38,21 @@ def a_quarter(variants, first=0):
     return found
 
 
+def of_every_scene(test):
+    """Return a test of a scene as one of all of them: many take longer to report than to run."""
+
+    def run():
+        for name in scenes.SCENES:
+            try:
+                test(name)
+            except AssertionError as failure:
+                failure.add_note(name)
+                raise
+
+    run.__doc__ = test.__doc__
+    return run
+
+
 def of_one_leg():
     """Return the scenes whose paths pass no events between their ends and have no integrals.
 

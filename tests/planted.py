@@ -123,10 +123,6 @@ def crash(problem, x0):
     os.abort()
 
 
-def vanish(problem, x0):
-    os._exit(3)
-
-
 def hang(problem, x0):
     while True:
         pass

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from helpers import a_quarter, solved
+from helpers import a_quarter, of_every_scene, solved
 
 from actionopt import scenes
 from actionopt.gallery import units
@@ -102,7 +102,7 @@ def at_random(scene):
     return 0.3 + rng.random((n, POINTS)), rng.standard_normal((n, POINTS)) / 4, rng.random(POINTS)
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@of_every_scene
 def test_the_formulas_are_what_is_solved(name):
     scene = scenes.get(name)
     system, given = scene.problem.system, scene.problem.parameters
@@ -191,7 +191,7 @@ def test_equations_that_are_wrong_do_not_vanish():
     assert unfulfilled("charge_planar", lambda text: text.replace("= -e", "= e")) > 1e-3
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@of_every_scene
 def test_mathml_is_well_formed_and_says_the_same(name):
     system = scenes.get(name).problem.system
     for found in texts(name).formulas:
@@ -226,7 +226,7 @@ def test_order_of_operations():
     )
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@of_every_scene
 def test_every_parameter_of_a_law_has_a_unit(name):
     module = importlib.import_module(f"actionopt.scenes.{name}")
     laws = [getattr(module, law) for law in LAWS if hasattr(module, law)]

@@ -190,7 +190,8 @@ def test_threads_find_the_same_bits(serial, short, workers):
         )
 
 
-@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
+# What several at once may change, threads and another order of the tasks change too.
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_processes_find_the_same_bits(serial, short, workers):
     with spawned(workers) as pool:
         assert same(
