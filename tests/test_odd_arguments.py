@@ -511,6 +511,11 @@ class Three:
         ),
         (lambda: ao.System.from_sympy(rate**2, free.symbols.q, [rate], clock), "symbols of sympy"),
         (lambda: ao.Problem(free, problem.start, 1.0, integral=1.0), r"Event\(t, q\) as the end"),
+        (lambda: ao.Mesh([0.0, 1.0], [[1, 2], [3]]), "one degree or one for each"),
+        (lambda: plot.slices(solution, etas=np.array("x")), "several variations"),
+        (lambda: plot.landscapes(np.array("x")), "several solutions"),
+        (lambda: (plot.fan_data(solution, 3), plot.fan_data(solution, np.ones(2))), "whole number"),
+        (lambda: scenes.get("pendulum", l=1j), "a real number for l"),
     ],
 )
 def test_what_only_looks_like_an_argument_is_taken_or_refused(call, said, tmp_path, monkeypatch):

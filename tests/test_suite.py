@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers import a_quarter
 
-from actionopt import suite
+from actionopt import scenes, suite
 from actionopt.suite import known, solvers, stars
 from actionopt.suite.families import redundant
 from actionopt.suite.interfaces import hessian, jacobian
@@ -186,6 +186,12 @@ def test_index_is_the_dense_inertia(name):
     assert np.sum(np.linalg.eigvalsh(H) < 0) == problem.index_star
     if "morse_index" in problem.scene.facts:
         assert problem.index_star == problem.scene.facts["morse_index"]
+
+
+def test_as_many_digits_of_a_path_are_claimed_as_it_is_known_to():
+    found = stars.continuous(scenes.get("double_pendulum"))
+    assert found.how == "high precision"
+    assert 0.1 < found.path.error * 10.0**found.digits <= 1
 
 
 def test_the_discrete_optimum_of_the_oscillator_to_thirty_digits():

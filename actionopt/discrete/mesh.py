@@ -203,12 +203,13 @@ def _degrees(degrees: int | ArrayLike, count: int) -> tuple[int, ...]:
     """Return one degree for each of `count` elements. Raises ValueError where there are none."""
     if type(degrees) is int and 1 <= degrees <= MAX_DEGREE:
         return (degrees,) * count
-    given = np.asarray(degrees)
+    wanted = f"expected one degree or one for each of the {count} elements"
+    try:
+        given = np.asarray(degrees)
+    except ValueError as error:  # rows of different lengths
+        raise ValueError(f"{wanted}, found {degrees!r}") from error
     if given.ndim > 1 or (given.ndim == 1 and given.size != count):
-        raise ValueError(
-            f"expected one degree or one for each of the {count} elements, "
-            f"found an array of shape {given.shape}"
-        )
+        raise ValueError(f"{wanted}, found an array of shape {given.shape}")
     if given.dtype.kind not in "iu" or given.min() < 1 or given.max() > MAX_DEGREE:
         raise ValueError(
             f"expected integer degrees from 1 to {MAX_DEGREE}, found {degrees!r}; "

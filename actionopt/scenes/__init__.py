@@ -65,6 +65,9 @@ def get(name: str, **parameters: Any) -> Scene:
                 f"scene {name!r} has no parameter {key!r}; its parameters are "
                 f"{', '.join(known)}{suggestion(key, known)}"
             )
+        value = parameters[key]
+        if np.any(getattr(value, "imag", 0)):
+            raise ValueError(f"expected a real number for {key} of scene {name!r}, found {value!r}")
     try:
         with np.errstate(all="ignore"):  # what is not finite is refused as a number
             return _scene.build(file, known | parameters)

@@ -163,8 +163,8 @@ class ConservedCurves:
     __repr__ = one_line
 
 
-@latest
 @check_arguments
+@latest
 def conserved_data(solution: Solution, count: int = CURVE_TIMES) -> ConservedCurves:
     """Return H and p along the path at equal times, which of them are constant, and which must."""
     t = times(solution, count)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
 from os import PathLike
 from typing import Any, TypeVar
@@ -81,15 +82,18 @@ def _solution(value: Any) -> None:
 
 
 def _solutions(value: Any) -> list[Any]:
-    if not isinstance(value, Iterable) or isinstance(value, (str, bytes)):
-        raise ValueError(f"expected several solutions, found {value!r}; put it in a list")
-    return list(value)
+    return _several(value, "solutions")
 
 
 def _variations(value: Any) -> list[Any]:
-    if not isinstance(value, Iterable) or isinstance(value, (str, bytes)):
-        raise ValueError(f"expected several variations, found {value!r}; put it in a list")
-    return list(value)
+    return _several(value, "variations")
+
+
+def _several(value: Any, what: str) -> list[Any]:
+    with suppress(TypeError):  # as of arrays without axes
+        if not isinstance(value, (str, bytes)):
+            return list(value)
+    raise ValueError(f"expected several {what}, found {value!r}; put it in a list")
 
 
 def _runs(value: object) -> None:

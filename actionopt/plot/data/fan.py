@@ -64,8 +64,8 @@ class Fan:
     __repr__ = one_line
 
 
-@latest
 @check_arguments
+@latest
 def fan_data(solution: Solution, count: int = 12, spread: float = 0.15) -> Fan:
     """Return motions whose first velocities differ from the solution's by up to `spread` of it.
 

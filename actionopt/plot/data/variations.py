@@ -103,8 +103,8 @@ class Bundle:
     __repr__ = one_line
 
 
-@latest
 @check_arguments
+@latest
 def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundle:
     """Return neighbours along the lowest modes of d2S, `count` a mode.
 
@@ -197,8 +197,8 @@ class Landscape:
     __repr__ = one_line
 
 
-@latest
 @check_arguments
+@latest
 def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> Landscape:
     """Return the action over the two modes that tell most.
 
@@ -257,9 +257,9 @@ class Spectrum:
     __repr__ = one_line
 
 
+@check_arguments
 @latest
 @one_thread
-@check_arguments
 def spectrum_data(solution: Solution, count: int = 3, points: int = 48) -> Spectrum:
     """Return the lowest eigenvalues of the path's first parts.
 
