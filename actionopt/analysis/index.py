@@ -170,7 +170,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     """
     asked, touches = at.problem.original, at.problem.touches
     moves = () if touches else moves_of(asked)
-    times = times_of(at.problem) if asked.is_joined else None
+    times = times_of(at.problem)
     kappa = at.problem.kappa if asked.integral is not None else None
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)

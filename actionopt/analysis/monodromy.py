@@ -166,8 +166,9 @@ def _through(solution: Solution) -> Monodromy:
     ends = Event(times[0], q0), Event(times[-1], q1)
     opened = asked.replace(start=ends[0], end=ends[1], energy=None)
     Q = np.array([solution(t) for t in times])
-    found = opened.found_at(times, Q) if opened.is_joined else opened
-    at = DiscretePath.of(found, solution.path, lengths=solution.discrete.tr.lengths)
+    at = DiscretePath.of(
+        opened.found_at(times, Q), solution.path, lengths=solution.discrete.tr.lengths
+    )
     a, b, c = second_through(at)
     if not np.isfinite(b).all() or np.linalg.matrix_rank(b) < n:
         raise ValueError(

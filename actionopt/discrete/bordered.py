@@ -31,8 +31,8 @@ from actionopt.discrete.borders import (
     PhaseCondition,
     Rows,
     Times,
-    over,
     times_of,
+    times_over,
 )
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
@@ -100,13 +100,11 @@ class Bordered:
         if that is given. `times` (k + 2,) are those of the events of a course, at the path, and
         `kappa` (c,) the multipliers of integrals; those that balance the forces best if None.
         """
-        if asked.is_joined:
-            assert times is not None
-            if asked.integral is not None and kappa is None:
-                kappa = _fit_multipliers(asked.found_at(times), path, lengths)
-            problem = asked.loose.found_at(times, kappa=kappa)
-        else:
-            problem = over(asked.loose, path.mesh.duration)
+        if times is None:
+            times = np.array(times_over(asked, path.mesh.duration))
+        if asked.integral is not None and kappa is None:
+            kappa = _fit_multipliers(asked.found_at(times), path, lengths)
+        problem = asked.loose.found_at(times, kappa=kappa)
         tr = Transcription(problem, path.mesh, lengths, like=like)
         at = DiscretePath(tr, tr.pack(path.values.T, lam))
         return cls.beside(asked, at, moves, along, times)
@@ -233,15 +231,14 @@ class Bordered:
 
     def _over(self, times: Array, kappa: Array | None) -> Transcription:
         """Return the discrete action over times (k + 2,), the last one if they are its own."""
-        last, first, problem = self._last, self.first, self.free
+        last, first = self._last, self.first
         if (
             last is not None
             and (times == times_of(last.problem)).all()
             and (kappa is None or (kappa == last.problem.kappa).all())
         ):
             return last
-        if self.problem.is_joined or self.problem.free_time:
-            problem = self.free.found_at(times, kappa=kappa)
+        problem = self.free.found_at(times, kappa=kappa)
         if self._like is not None and not (self.problem.is_joined or self._depends_on_clock):
             return self._like.over_times(problem)
         before, ends = first.problem.boundaries, (float(times[0]), float(times[-1]))

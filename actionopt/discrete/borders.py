@@ -128,12 +128,10 @@ class Border(Protocol):
 
 def over(problem: Problem, duration: float) -> Problem:
     """Return the problem at a duration, where its own is free; the times that are given stay."""
-    if not problem.free_time:
-        return problem
-    return problem.found_at(times(problem, duration))
+    return problem.found_at(times_over(problem, duration))
 
 
-def times(problem: Problem, duration: float) -> tuple[float, float]:
+def times_over(problem: Problem, duration: float) -> tuple[float, float]:
     """Return the times of the events at a duration, where one of them or both are free."""
     t0, t1 = problem.start.t, problem.end.t
     if t0 is None:

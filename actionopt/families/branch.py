@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.borders import times
+from actionopt.discrete.borders import times_over
 from actionopt.discrete.path import Path
 from actionopt.families.marks import Mark
 from actionopt.mechanics.problem import Problem
@@ -102,7 +102,7 @@ class Trace:
             problem = self.family(value)
             pair = one, other
             a, b = (path.mesh.duration for path in pair)
-            t0, t1 = times(problem, (1 - part) * a + part * b)
+            t0, t1 = times_over(problem, (1 - part) * a + part * b)
             ends = [Path(path.mesh.moved(t0, t1), path.values) for path in pair]
             mesh = ends[1].mesh
             guess = Path(mesh, (1 - part) * ends[0](mesh.nodes) + part * ends[1].values)

@@ -224,9 +224,8 @@ class _TraceRun:
         problem, reach = self.family(s), abs(self.goal - self.origin)
         instants = () if problem.free_time or problem.is_joined else switches_of(problem)
         self.branch = Branch(self.family, path.mesh, instants, lengths, reach)
-        if problem.is_joined:
-            self.branch.times = times_of(known)
-            self.branch.kappa = None if problem.integral is None else known.kappa
+        self.branch.times = times_of(known)
+        self.branch.kappa = None if problem.integral is None else known.kappa
         if isinstance(known, Held):
             self.branch.arcs = known.arcs or ()
         lam = None if rows is None else np.nan_to_num(rows)

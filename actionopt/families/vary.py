@@ -9,7 +9,7 @@ import numpy as np
 
 from actionopt.analysis.sensitivity import slopes
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.borders import times
+from actionopt.discrete.borders import times_over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.events import Event, Tail
@@ -194,7 +194,7 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
 def lead_to(path: Path, problem: Problem) -> Path:
     """Return the path stretched over the times of a problem, and sheared to begin and end there."""
     values, last = path.values, path.values[:, -1:]
-    mesh = path.mesh.moved(*times(problem, path.mesh.duration))
+    mesh = path.mesh.moved(*times_over(problem, path.mesh.duration))
     s = mesh.nodes_since / mesh.duration
     for event, weight, known in ((problem.start, 1 - s, values[:, :1]), (problem.end, s, last)):
         given = [[a if b is None else b] for a, b in zip(known[:, 0], event.q, strict=True)]

@@ -374,10 +374,14 @@ class Problem:
         """Return the problem with times (k + 2,) at its events, one that was `asked` as this.
 
         Where these lie on surfaces, at coordinates q (k + 2, n), if given; `kappa` (c,) are the
-        multipliers of integrals.
+        multipliers of integrals. Itself where all of that is given.
 
         Raises ValueError as a `Problem` does.
         """
+        found = self.joints_found
+        sought = q is not None and any(e.on is not None for e in found)
+        if self.integral is None and not sought and all(e.t is not None for e in found):
+            return self
         events = [e.at(float(t)) for e, t in zip(self.joints_found, times, strict=True)]
         if q is not None:
             pairs = zip(events, q, strict=True)

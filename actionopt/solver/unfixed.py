@@ -115,7 +115,7 @@ class Unfixed(Workspace[UnfixedPath]):
         problem = problem or self.problem
         at = self._at_times(problem, path)
         mesh = with_degrees(path.mesh, problem.system.order)
-        path = path.on(with_boundaries(mesh, at.boundaries) if problem.is_joined else mesh)
+        path = path.on(with_boundaries(mesh, at.boundaries))
         with self.record.clock("assemble"):
             size, lengths = coordinate_scales(at, path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
@@ -132,9 +132,9 @@ class Unfixed(Workspace[UnfixedPath]):
     @property
     def _times(self) -> Array | None:
         """The times of a course's events, those of the path at hand if there is one."""
-        if not self.problem.is_joined:
-            return None
-        return self.times if self.iterate is None else times_of(self.iterate.problem)
+        if self.times is None or self.iterate is None:
+            return self.times
+        return times_of(self.iterate.problem)
 
     @property
     def _kappa(self) -> Array | None:
@@ -160,7 +160,7 @@ class Unfixed(Workspace[UnfixedPath]):
     def with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch over its times."""
         mesh = with_degrees(mesh, self.problem.system.order)
-        if self.problem.is_joined:
+        if self.times is not None:
             return with_boundaries(mesh, self.here.problem.boundaries)
         if self.problem.system.clock is self.problem.system.pulses is None:
             return mesh
@@ -202,24 +202,14 @@ class Unfixed(Workspace[UnfixedPath]):
     def answer(self) -> tuple[Problem, DiscretePath]:
         """Return what was asked, its times and ends found, and the path in the units at hand."""
         here = self.here
-        if self.problem.is_joined:
-            Q = here.Q[here.tr.joints] if here.error < 1 else None
-            problem = self.problem.found_at(times_of(here.problem), Q, self._kappa)
-            if here.tr.order > 1:  # derivatives are not read from values
-                tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
-                z = tr.pack(here.Q, here.rows if tr.layout.rows else None)
-                z[: tr.layout.unknowns] = tr.pack_places(here.tr.place(here.x).places)
-                return problem, DiscretePath(tr, z)
-            return problem, DiscretePath.of(problem, here.path, here.rows)
-        problem = over(self.problem, here.mesh.duration)
-        if not self.problem.on_surface:
-            tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
-            if tr.order > 1:
-                return problem, DiscretePath(tr, tr.pack_places(here.tr.place(here.x).places))
-            return problem, DiscretePath(tr, tr.pack(here.Q, here.rows))
-        if here.error < 1:  # else it is as large as the path, which ran away from any surface
-            problem = self.problem.found_at(times_of(problem), here.Q[[0, -1]])
-        return problem, DiscretePath.of(problem, here.path, here.rows)
+        # Where the error is as large as the path, that ran away from any surface.
+        Q = here.Q[here.tr.joints] if here.error < 1 else None
+        problem = self.problem.found_at(times_of(here.problem), Q, self._kappa)
+        tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)
+        z = tr.pack(here.Q, here.rows if tr.layout.rows else None)
+        # In higher orders derivatives are not read from values.
+        z[: tr.layout.unknowns] = tr.pack_places(here.tr.place(here.x).places)
+        return problem, DiscretePath(tr, z)
 
     # -- from a first path to one ---------------------------------------------------------------
 
