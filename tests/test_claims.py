@@ -687,6 +687,17 @@ W = {  # scene: sentences: whether they are so
         "answer": lambda s: fitted(s, [1, np.cosh(s.x / 0.7), np.sinh(s.x / 0.7)], s.y),
         "look": lambda s: rising(s.vy / s.vx) and abs((s.vy / s.vx)[np.argmin(s.y)]) < 0.05,
     },
+    "rope_on_floor": {
+        "answer": lambda s: (
+            pressed(s)[1]
+            and same(s.y[pressed(s)[0]], 0.5)
+            and same(s.y + 0.1, 0.6 * np.sqrt(1 + (s.vy / s.vx) ** 2))
+        ),
+        "look": lambda s: (
+            fitted(s, [1, s.y, s.y**2], (s.vy / s.vx) ** 2) and same(s.y[[0, -1]], [1.5, 1.2])
+        ),
+        "contact": lambda s: pressed(s)[1] and same(s.y[pressed(s)[0]], 0.5),
+    },
     "snell": {
         "answer": lambda s: s.solution.kind == "minimum",
         "look": lambda s: (

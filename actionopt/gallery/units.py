@@ -32,6 +32,7 @@ SCENE_UNITS = {
     "two_on_a_line": {"a": "", "b": ""},
     "descent_through_gate": {"h": "m"},
     "rope_of_length": {"h": "m"},
+    "rope_on_floor": {"h": "m", "floor": "m"},
     "string_to_wall": {"far": "m", "lean": "rad"},
     "smoothest_way": {"apart": "m", "high": "m", "low": "m"},
     "clamped_beam": {"B": "N m^2", "f": "N/m"},
