@@ -516,6 +516,12 @@ class Three:
         (lambda: plot.landscapes(np.array("x")), "several solutions"),
         (lambda: (plot.fan_data(solution, 3), plot.fan_data(solution, np.ones(2))), "whole number"),
         (lambda: scenes.get("pendulum", l=1j), "a real number for l"),
+        (lambda: ao.Problem(free, problem.start, problem.end, through=np.array("x")), "a list of"),
+        (lambda: ao.System(lambda q, v, t: v @ v, np.array("x")), "a sequence of coordinate names"),
+        (lambda: ao.sweep(problem, {"t1": [1.0]}, record=np.zeros(0)), "out of index"),
+        (lambda: plot.page(problem, "a.html", lang=np.zeros(2)), "a language of"),
+        (lambda: suite.find(convex=np.zeros(2)), "convex=True or"),
+        (lambda: suite.find(index=-1), "for index, found -1"),
     ],
 )
 def test_what_only_looks_like_an_argument_is_taken_or_refused(call, said, tmp_path, monkeypatch):

@@ -167,8 +167,9 @@ def test_multipliers_prove_that_nothing_is_feasible(name, missing):
 def test_what_is_feasible_is_refused():
     with pytest.raises(ValueError, match="expected missing between 0 and 1, found 0"):
         suite.model("arm_in_disc", missing=0)
-    with pytest.raises(ValueError, match="expected a whole number of links"):
-        suite.model("arm_in_disc", links=1.5)
+    for links in (1, 2.5):
+        with pytest.raises(ValueError, match="expected a whole number of links"):
+            suite.model("arm_in_disc", links=links)
     with pytest.raises(ValueError, match="unknown parameter 'mising' of arm_in_disc; did you"):
         suite.model("arm_in_disc", mising=0.1)
     with pytest.raises(ValueError, match="unknown model 'arm'"):

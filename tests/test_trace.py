@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.arclength import BranchPoint
-from actionopt.families.marks import locate
+from actionopt.families.marks import Step, locate
 from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
 from actionopt.families.vary import slope, with_values
 
@@ -459,3 +459,23 @@ def test_a_pulse_of_the_time_alone_counts_in_the_action():
     found = ao.trace(problem, "t1", 1.5, tol=1e-9)
     exact = 1 / 3 - 2 * width * np.sqrt(np.pi)
     assert found.values[-1] == 1.5 and found.actions[-1] == pytest.approx(exact, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("slope", "turns", "hides"),
+    [  # of a cubic: where it turns between 0 and 1, and whether its ends do not show that
+        (np.poly1d([0.4, 0.6], True), [0.4, 0.6], True),
+        (-np.poly1d([0.15, 0.5], True), [0.15, 0.5], True),
+        (np.poly1d([0.3, 1.6], True), [0.3], False),
+        (np.poly1d([0.5, 0.5], True) + 0.4, [], False),
+        (np.poly1d([1.2, 1.4], True), [], False),
+    ],
+)
+def test_where_the_cubic_of_a_step_turns(slope, turns, hides):
+    length = 0.7
+    step = Step(length, slope(0), slope(1), slope(0.5) - (slope(0) + slope(1)) / 2)
+    assert step.hides_folds == hides
+    for place in np.linspace(0.1, 0.9, 9):
+        near = any(abs(place - x) < 0.09 for x in turns)
+        far = all(abs(place - x) > 0.11 for x in turns)
+        assert step.turns_at(place * length) is near or not (near or far)

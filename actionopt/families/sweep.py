@@ -31,7 +31,7 @@ from actionopt.families.walk import WALK_STEPS, walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import refuse_rest, solve
-from actionopt.tools.checks import flag, tolerance
+from actionopt.tools.checks import among, flag, tolerance
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import NDInt
 from actionopt.tools.watch import Progress, check_progress, time_limit
@@ -149,7 +149,7 @@ def _names_to_record(record: str | Sequence[str] | None) -> tuple[str, ...]:
     """Return the names of what is to be recorded. Raises ValueError for an unknown one."""
     names = (record,) if isinstance(record, str) else () if record is None else record
     for name in names if isinstance(names, Sequence) else (names,):
-        if name not in RECORDED:
+        if not among(name, RECORDED):
             raise ValueError(
                 f"expected something to record out of {', '.join(RECORDED)}, found {name!r}; the "
                 "action, errors, momenta, coordinates at the ends and slopes always are"

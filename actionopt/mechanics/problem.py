@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,7 @@ from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.scales import motion_of, scales_of
 from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
-from actionopt.tools.checks import by_name, numbers
+from actionopt.tools.checks import by_name, entries, numbers
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -113,11 +113,11 @@ class Problem:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        if not isinstance(self.through, Iterable):
+        if (through := entries(self.through)) is None:
             raise ValueError(
                 f"expected a list of Events or Bounces as through, found {self.through!r}"
             )
-        object.__setattr__(self, "through", tuple(self.through))
+        object.__setattr__(self, "through", tuple(through))
         if isinstance(self.system, Sequence):
             self._set_laws(self.system)
         for role, event in (("start", self.start), ("end", self.end)):

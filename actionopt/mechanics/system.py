@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from html import escape
 from itertools import pairwise
@@ -34,6 +34,7 @@ from actionopt.mechanics.tracing import (
     suggestion,
     surface,
 )
+from actionopt.tools.checks import entries
 from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
 
@@ -568,15 +569,14 @@ def _place(law: Callable[..., Any]) -> str:
 
 
 def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
-    sequence = isinstance(coordinates, Iterable) and not isinstance(coordinates, str)
-    names = tuple(coordinates) if sequence else ()
-    if not sequence or not all(isinstance(name, str) for name in names):
+    names = entries(coordinates)
+    if names is None or not all(isinstance(name, str) for name in names):
         raise ValueError(
             f"expected a sequence of coordinate names, such as ['x', 'y'], found {coordinates!r}"
         )
     if not names or len(set(names)) != len(names):
         raise ValueError(f"expected at least one coordinate and distinct names, found {names}")
-    return names
+    return tuple(names)
 
 
 def check_system(system: System) -> System:

@@ -18,7 +18,7 @@ from actionopt.suite.families import FAMILIES, Family
 from actionopt.suite.member import Member
 from actionopt.suite.models import MODELS, Model
 from actionopt.suite.problem import TestProblem
-from actionopt.tools.checks import among, numbers
+from actionopt.tools.checks import among, entries, flag, numbers, whole
 
 __all__ = ["FAMILIES", "MODELS", "Family", "Model", "TestProblem", "find", "get", "model"]
 
@@ -109,18 +109,23 @@ def find(
     Raises
     ------
     ValueError
-        For a kind or a tag that there is not, or a `size` of other than two numbers.
+        For a kind or a tag that there is not, a `size` of other than two numbers, or what is no
+        whole number or neither true nor false.
     """
     if not (kind is None or among(kind, ("minimum", "saddle", "degenerate"))):
         raise ValueError(f"expected a kind of minimum, saddle or degenerate, found {kind!r}")
-    one = isinstance(tags, str) or not isinstance(tags, Collection)
-    wanted: list[Any] = [tags] if one else list(tags)
+    wanted: list[Any] = [tags] if (several := entries(tags)) is None else several
     known = {tag for family in FAMILIES.values() for tag in family.tags}
     for tag in wanted:
         if not among(tag, known):
             raise ValueError(f"unknown tag {tag!r}; the tags are {', '.join(sorted(known))}")
     if size is not None and numbers(size, "size").shape != (2,):
         raise ValueError(f"expected size=(least, most) numbers of unknowns, found {size!r}")
+    for name, asked in (("constrained", constrained), ("convex", convex)):
+        if asked is not None:
+            flag(asked, name)
+    if index is not None:
+        whole(index, "index", 0)
     found = [name for name, family in FAMILIES.items() if set(wanted) <= set(family.tags)]
     if all(x is None for x in (kind, constrained, index, size, convex)):
         return found  # none is made for that

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable, Mapping, Set
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -160,6 +161,17 @@ def items(row: Any, what: str) -> list[Any]:
         return [row] if isinstance(row, str) else list(row)
     except TypeError:
         return [row]
+
+
+def entries(value: Any) -> list[Any] | None:
+    """Return what a sequence or an iterator contains; None of text, and of what contains nothing.
+
+    An array without axes says that it can be iterated over, and cannot.
+    """
+    with suppress(TypeError):
+        if not isinstance(value, (str, bytes)):
+            return list(value)
+    return None
 
 
 def check_jobs(jobs: int) -> None:

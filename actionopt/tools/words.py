@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from actionopt.tools.checks import among
 from actionopt.tools.texts import read
 
 TABLES = Path(__file__).parent / "languages"
@@ -118,7 +119,7 @@ def language(name: str) -> Generator[None, None, None]:
     ...     say("start")
     'départ'
     """
-    if name not in SPOKEN:
+    if not among(name, SPOKEN):
         raise ValueError(f"expected a language of {', '.join(SPOKEN)}, found {name!r}")
     token = _current.set(name)
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from contextlib import suppress
 from functools import wraps
 from os import PathLike
 from typing import Any, TypeVar
@@ -16,7 +15,7 @@ from actionopt.families.runs import Runs
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import UnitNames
 from actionopt.scenes import Scene
-from actionopt.tools.checks import flag, number, whole
+from actionopt.tools.checks import entries, flag, number, whole
 
 Figure = TypeVar("Figure", bound=Callable[..., Any])
 
@@ -90,10 +89,9 @@ def _variations(value: Any) -> list[Any]:
 
 
 def _several(value: Any, what: str) -> list[Any]:
-    with suppress(TypeError):  # as of arrays without axes
-        if not isinstance(value, (str, bytes)):
-            return list(value)
-    raise ValueError(f"expected several {what}, found {value!r}; put it in a list")
+    if (found := entries(value)) is None:
+        raise ValueError(f"expected several {what}, found {value!r}; put it in a list")
+    return found
 
 
 def _runs(value: object) -> None:

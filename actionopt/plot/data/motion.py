@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -15,6 +15,7 @@ from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import sizes
 from actionopt.scenes import Shape, project
+from actionopt.tools.checks import entries
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -206,7 +207,7 @@ def _shapes_over_time(
 
 def _shapes(drawn: Any) -> list[Shape]:
     """Return the shapes that `draw` returned. Raises ValueError for anything but shapes."""
-    shapes = list(drawn) if isinstance(drawn, Iterable) else None
+    shapes = entries(drawn)
     if shapes is None or not all(isinstance(shape, Shape) for shape in shapes):
         raise ValueError(
             "expected draw(q, t) to return a list of shapes, such as [body([x, y])], found "
