@@ -8,8 +8,9 @@ import systems
 from helpers import transcribed
 
 from actionopt import System
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import follow
-from actionopt.solver.descent import RUNAWAY, descend
+from actionopt.solver.descent import RUNAWAY, descend, falls_from
 
 SPRING = systems.spring(stiffening=0.01)
 PENDULUM = systems.pendulum(g=9.81)
@@ -141,3 +142,13 @@ def test_an_action_that_falls_faster_than_any_metric_holds_runs_away():
     assert not result.found and result.runaway
     away = np.max(np.abs(result.z))
     assert away < RUNAWAY  # it is told from farther away than the descent went
+
+
+def test_it_is_seen_from_a_saddle_whether_the_action_is_bounded_below():
+    """S of a stiffening spring is unbounded below; that of a pendulum is at least -9.81 T."""
+    for system, unbounded in ((SPRING, True), (PENDULUM, False)):
+        tr = transcribed(system, ([0.0], [0.0]), 4.0)
+        saddle = tr.pack(tr.straight())
+        assert np.abs(tr.gradient(saddle)).max() == 0.0
+        assert not Factors(tr.layout, tr.kkt(saddle)).definite()
+        assert falls_from(tr, saddle) == unbounded

@@ -27,6 +27,8 @@ SUFFICIENT_DECREASE = 1e-2  # Armijo's: share of what the gradient promises that
 # side for curvatures far from one.
 SHORTEST_DESCENT = 1e-10
 SHORTEN, SHORTEST_PART = 3.0, 3e-4  # of a step, for which no factorization is needed
+# Ad hoc: the lowest modes of velocities part from others by squares; S is nearly quadratic so near.
+POWER_STEPS, OFF_SADDLE = 4, 2.0**-7  # in lengths
 RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 
 
@@ -89,6 +91,33 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     return Descended(z - second, True, False, count)
             mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
     return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)
+
+
+def falls_from(tr: Transcription, saddle: Array) -> bool:
+    """Whether S falls all the way along a straight line from a saddle to a path that has run away.
+
+    Along the variation that lowers it most for its velocities, by the power method with K^-1 H.
+    """
+    with np.errstate(all="ignore"):
+        gradient, metric = tr.gradient(saddle), Factors(tr.layout, tr.kinetic(saddle))
+        if not metric.definite():
+            return False
+        away = np.random.default_rng(0).standard_normal(saddle.size)
+        for _ in range(POWER_STEPS):
+            away *= OFF_SADDLE / np.abs(away).max()
+            away = away - metric.solve(tr.gradient(saddle + away) - gradient)
+        away *= OFF_SADDLE / np.abs(away).max()
+        return any(_falls_on(tr, saddle, side) for side in (away, -away))
+
+
+def _falls_on(tr: Transcription, z: Array, away: Array) -> bool:
+    """Whether S falls with each step away from z, twice as long as the last one, to the end."""
+    action = tr.action(z)
+    while np.abs(away).max() < RUNAWAY:
+        before, action, away = action, tr.action(z + away), 2 * away
+        if not action < before:
+            return False
+    return True
 
 
 def _falls(tr: Transcription, first: Array, z: Array) -> bool:

@@ -22,6 +22,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import DEGREES
 from actionopt.discrete.transcription import Transcription
+from actionopt.solver.descent import falls_from
 from actionopt.solver.first_mesh import (
     COARSE_DEGREE,
     COARSE_ELEMENTS,
@@ -202,6 +203,9 @@ class Search:
             try:
                 if not strategy.applies(self):  # which may take second derivatives
                     continue
+                if strategy.minimises and self._is_bottomless:
+                    self.may_be_least = False
+                    continue
                 left.remove(strategy)
                 if strategy.cost >= EXPENSIVE:
                     self._limit(strategy.cost)
@@ -270,6 +274,19 @@ class Search:
         if self.saddle is None or self.principle != "auto":
             yield from again
         yield from expensive
+
+    @property
+    def _is_bottomless(self) -> bool:
+        """Whether the action falls on and on from the saddle in hand, so that none is least.
+
+        Not asked where velocities may vanish with no coordinate held: K is singular there.
+        """
+        problem = self.ws.problem
+        held = {*problem.start.pinned, *(problem.end.pinned if problem.advance is None else ())}
+        if self.saddle is None or self.principle != "auto" or len(held) < problem.system.n:
+            return False
+        found = self.saddle[1]
+        return not (problem.system.m or problem.system.r) and falls_from(found.tr, found.z)
 
     def _refine_saddle(self) -> Status:
         """Refine the saddle that was found while a least path was sought, if there is one."""
