@@ -272,7 +272,7 @@ def test_few_motions_that_meet_are_refined_where_none_can_be(monkeypatch):
     mesh = ao.Mesh.uniform(scene.problem.start.t, scene.problem.end.t, 4, 8)
     guess = Path.interpolate(scene.exact, mesh)
     groups = [iter([guess] * 9), iter([guess] * 2)]
-    monkeypatch.setattr("actionopt.solver.strategies.curves", lambda *_: iter(groups))
+    monkeypatch.setattr("actionopt.solver.two_sided_shooting.curves", lambda *_: iter(groups))
     monkeypatch.setattr(Search, "refine", unresolved)
     assert TwoSidedShooting("meeting", (8, 16)).attempt(search) is ao.Status.NOT_FOUND
     assert len(refined) == MEETING_LOST + 2
