@@ -55,10 +55,11 @@ class ConjugatePoint(NamedTuple):
 def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     """Return all times t* in (t0, t1] conjugate to the start along a solution.
 
-    By Morse's theorem those before t1, each counted with its multiplicity, number the index of a
-    path whose ends are pinned. Where the start is free in a coordinate they are focal points:
-    the neighbours start with that momentum zero. A free end has no part in them. Along a path
-    through events the neighbours satisfy their conditions: they pass where and when these let them.
+    By Morse's theorem the number of those before t1, each counted with its multiplicity, is the
+    index of a path whose ends are pinned. Where the start is free in a coordinate they are focal
+    points: the neighbours start with that momentum zero. A free end plays no part in them. Along a
+    path through events the neighbours satisfy their conditions: they pass where and when these let
+    them.
 
     Where integrals are given the neighbours keep them from the start to t*. Where L contains
     accelerations neighbours meet the path with its velocity.

@@ -162,7 +162,7 @@ class Bordered:
         return sum(border.multipliers for border in self.borders)
 
     def without_phase(self) -> tuple[Border, ...]:
-        """Return the borders that are none of a phase."""
+        """Return the borders but for those of a phase."""
         return tuple(b for b in self.borders if not isinstance(b, PhaseCondition))
 
     def with_integrals_alone(self) -> tuple[Bordered, NDInt]:
@@ -447,7 +447,7 @@ def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:
     slopes, force = np.where(at_events, 0.0, slopes), np.where(at_events, 0.0, force)
     if not (np.isfinite(slopes).all() and np.isfinite(force).all()):
         return np.zeros(len(slopes))
-    if tr.layout.rows:  # what constraints bear is none of it
+    if tr.layout.rows:  # what constraints bear is no part of it
         *slopes, force = (_off_normals(tr, at, x) for x in (*slopes, force))
         slopes = np.array(slopes)
     if tr.order > 1 and not tr.layout.rows:  # rough parts count for less, as they do in motion

@@ -1,8 +1,8 @@
 """Whether a path crosses a jump of the Lagrangian: then it is no path.
 
-A jump in q or v is an infinite force, which no derivative shows. One in t alone is none: there q
-and p are continuous, and the path is resolved. Jumps that are written as comparisons are found
-where these change, all others where the balance of energy does not hold (`energy_balance`).
+A jump in q or v is an infinite force, which no derivative shows. A jump in t alone is harmless:
+there q and p are continuous, and the path is resolved. Jumps that are written as comparisons are
+found where these change, all others where the balance of energy does not hold (`energy_balance`).
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def _first_jump(problem: Problem, path: Path, low: Array, high: Array) -> tuple[
     since = np.hstack([low[:, None] - apart * WIDER, high[:, None] + apart * WIDER])
     since = np.clip(since, 0.0, problem.duration)
     q, v = (part.T for part in path.carried_on(since.ravel(), 1.0, problem.system.order))
-    t = problem.start.t + (low + high) / 2  # a jump in t alone is none
+    t = problem.start.t + (low + high) / 2  # a jump in t alone is harmless
     t = np.repeat(t, since.shape[1])[:, None]
     first = problem.system.pointwise("first")
     _, p, L = (part.copy() for part in first(q, v, t, problem.packed))

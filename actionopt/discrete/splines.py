@@ -57,7 +57,7 @@ def read_pieces(pieces: Any) -> tuple[Mesh, Array]:
     if not is_piecewise(pieces):
         raise ValueError(
             "expected piecewise polynomials of scipy, such as a PPoly, a CubicSpline, a BSpline or "
-            f"solve_bvp(...).sol, found {pieces!r}; of a callable, Path.interpolate makes a path"
+            f"solve_bvp(...).sol, found {pieces!r}; Path.interpolate makes a path of a callable"
         )
     knots = pieces.t[pieces.k : len(pieces.t) - pieces.k] if hasattr(pieces, "t") else pieces.x
     degree = max(pieces.k if hasattr(pieces, "t") else len(pieces.c) - 1, 1)

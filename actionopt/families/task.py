@@ -224,4 +224,4 @@ def _refusal(problem: Problem, columns: Mapping[Name, Array], i: int) -> str:
         with_values(problem, {name: float(row[i]) for name, row in columns.items()})
     except ValueError as error:
         return str(error)
-    raise AssertionError("a path that ends before it starts is no problem")
+    raise AssertionError("a path that ends before it starts is not a problem")

@@ -267,8 +267,8 @@ def check_phase(problem: Any) -> None:
     timed = any(e.t is not None for e in problem.through)
     if not (problem.start.pinned or timed):
         raise ValueError(
-            "expected what tells where a closed path through events begins, found no coordinate "
-            "at the start, no time of an event and no clock; give a coordinate that the path has "
+            "expected something that tells where a closed path through events begins, found no "
+            "coordinate at the start, no time of an event and no clock; give a coordinate that the path has "
             "at its start, such as Event(0, [0, None])"
         )
     # With accelerations in L the start is then as one more waypoint: no velocity jumps there.

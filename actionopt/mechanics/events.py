@@ -192,7 +192,7 @@ class Event:
 def _rates(**given: Any) -> tuple[tuple[float | None, ...] | None, ...]:
     """Return the derivatives that are given, up to the highest. Raises ValueError for no numbers.
 
-    Rows of None alone are none.
+    Rows of None alone are left out.
     """
     found: list[tuple[float | None, ...] | None] = []
     for name, row in given.items():

@@ -25,7 +25,7 @@ class ParameterInputs(NamedTuple):
     def of(cls, table: ParameterTable, values: Mapping[str, Array], taken: list[str]):
         """Return those of a table; `taken` are names of other inputs and outputs.
 
-        A parameter whose name is taken, or is none that CasADi allows, is called by its number.
+        A parameter whose name is taken, or not allowed by CasADi, is called by its number.
         One number is the default of an input: of an array whose entries differ it is NaN.
         """
         names, symbols, columns, defaults = [], [], [ca.MX(0, 1)], []

@@ -251,7 +251,7 @@ def noether(
                 by_space, by_time = rate_of(system, by_space), rate_of(system, by_time)
             return Conserved(system, ca.horzcat(*terms))
     raise ValueError(
-        "expected a symmetry, found that the Lagrangian changes by what is no total derivative "
+        "expected a symmetry, found that the Lagrangian's change is no total derivative "
         f"dF(q, t)/dt (by {found:.1e} of its terms); correct the generator, set `time` if it "
         "moves events in time, or pass the parameters for which it is a symmetry"
     )

@@ -119,7 +119,7 @@ class ParameterTable:
         for name in self.needed:
             if isinstance(result[name], NoValue):
                 raise ValueError(
-                    f"expected a value of the parameter {name!r}, which has no default, found "
+                    f"expected a value for the parameter {name!r}, which has no default, found "
                     f"none; give it as parameters={{{name!r}: value}}, here or of the system"
                 )
         return result

@@ -64,7 +64,7 @@ def between(
     tol, principle, mesh, watch = choices.tol, choices.principle, choices.mesh, choices.watch
     curve_of = check_arguments(problem, tol, guess, principle, mesh)
     system = problem.system
-    # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
+    # Far from zero a path to `tol` may miss the motion, which is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
     if system.r:
         from actionopt.solver.obstacle import Along

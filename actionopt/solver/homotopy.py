@@ -71,7 +71,7 @@ class HomotopyCurve:
     count: int = 0
 
     def advance(self) -> bool:
-        """Take a step; False if there is none."""
+        """Take a step; False if none can be taken."""
         return (self.direction is not None or self._find_direction()) and self._step_along()
 
     def _find_direction(self) -> bool:

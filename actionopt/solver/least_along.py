@@ -297,7 +297,7 @@ def _least(ws: Along, tol: float, first: list[Iterate]) -> tuple[Along, Status, 
 
 
 def _another(found: Iterate, tried: list[Iterate]) -> bool:
-    """Whether a path is none of these, on one mesh."""
+    """Whether a path differs from all of these, on one mesh."""
     apart = [np.abs(found.Q - other.Q) / found.tr.lengths for other in tried]
     return all(difference.max() > FLAT for difference in apart)
 

@@ -316,7 +316,7 @@ class Along(Workspace[Iterate]):
         return False
 
     def _within(self, times: Array, step: Array) -> float:
-        """Return what part of a step lets no part shrink too much; raise where one vanishes."""
+        """Return the share of a step that shortens no part too much; raise where one vanishes."""
         knots = np.union1d(self.contact_problem.knots, times)
         moves = np.zeros(knots.size)
         moves[np.searchsorted(knots, times)] = step

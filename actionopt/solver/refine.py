@@ -208,7 +208,7 @@ def _finer(mesh: Mesh) -> Mesh:
 
 
 def _failure(ws: Workspace) -> Status:
-    """Say why a path cannot be refined: it is not determined, or it was none.
+    """Return why a path cannot be refined: it is not determined, or was no path.
 
     It is not determined where round-off is amplified since the action hardly bends in a direction.
     Otherwise the forces are rounded coarsely, as near a pole in time. The matrix tells nothing of a
