@@ -268,8 +268,8 @@ def check_phase(problem: Any) -> None:
     if not (problem.start.pinned or timed):
         raise ValueError(
             "expected something that tells where a closed path through events begins, found no "
-            "coordinate at the start, no time of an event and no clock; give a coordinate that the path has "
-            "at its start, such as Event(0, [0, None])"
+            "coordinate at the start, no time of an event and no clock; give a coordinate that the "
+            "path has at its start, such as Event(0, [0, None])"
         )
     # With accelerations in L the start is then as one more waypoint: no velocity jumps there.
     if problem.start.pinned and timed and problem.system.order == 1:
