@@ -742,6 +742,8 @@ def test_conjugate_points_of_a_beam_on_a_circle_are_those_of_its_angle():
 def test_modes_are_those_of_a_clamped_beam():
     path = between(SPLINE, (0, [0], [0]), (2, [1], [0]))
     found = ao.second_variation(path, 3)
+    other = ao.second_variation(path, 3, units=2.0)  # int |eta / 2|^2 dt = 1
+    np.testing.assert_allclose(other.eigenvalues, 4 * found.eigenvalues, rtol=1e-9)
     known = roots(lambda b: np.cos(b) - 1 / np.cosh(b), 12.0)  # cos b cosh b = 1
     assert found.eigenvalues == pytest.approx((np.array(known) / 2) ** 4, rel=1e-7)
     t, weight = np.polynomial.legendre.leggauss(60)

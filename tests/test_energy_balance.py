@@ -380,6 +380,19 @@ def test_no_step_is_plain_wherever_it_is(place, timed):
         assert is_plain(straight(lagrangian), 1e-12, 2.0) is plain
 
 
+@pytest.mark.parametrize("unit", [1e-5, 1.0, 1e5])
+def test_what_is_plain_does_not_depend_on_units(unit):
+    def lagrangian(q, v, t):
+        return v[0] ** 2 / 2 - unit**2 * np.tanh(3 * q[0] / unit)
+
+    problem = ao.Problem(
+        ao.System(lagrangian, ["x"]), ao.Event(0.0, [-unit]), ao.Event(1.0, [unit])
+    )
+    found = ao.solve(problem, tol=1e-3)
+    assert is_plain(found.discrete, found.error, 2.0)
+    assert not is_plain(found.discrete, 1e-4 * found.error, 2.0)
+
+
 @pytest.mark.parametrize("width", [1e-9, 1e-13, 1e-17])
 def test_stairs_closer_than_samples_are_not_plain(width):
     """A mean force that no derivative shows: the straight motion is stationary to all sums."""

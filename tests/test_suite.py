@@ -16,7 +16,7 @@ from actionopt import scenes, suite
 from actionopt.suite import known, solvers, stars
 from actionopt.suite.families import redundant
 from actionopt.suite.interfaces import hessian, jacobian
-from actionopt.suite.learn import learn
+from actionopt.suite.learn import RANDOM_AMPLITUDES, learn, random_starts
 from actionopt.suite.stars import STATIONARY
 
 NAMES = tuple(suite.FAMILIES)
@@ -419,6 +419,15 @@ def test_near_collisions_are_met_and_are_not_the_lowest():
         assert problem.kind == "minimum" and problem.lowest < problem.f_star
         away = [problem.distance(problem.start(), s.x) for s in (problem.optimum, *problem.others)]
         assert away[0] == min(away)
+
+
+def test_random_starts_are_other_starts_each_time_farther_off():
+    problem = suite.get("pendulum")
+    starts = list(random_starts(problem, 2 * len(RANDOM_AMPLITUDES)))
+    off = [np.abs(x - problem.start()).max() / np.max(problem.unit) for x in starts]
+    assert min(off) > 0 and max(off) < 4 * max(RANDOM_AMPLITUDES)
+    assert len(set(off)) == len(off)
+    np.testing.assert_array_equal(list(random_starts(problem, 2)), starts[:2])
 
 
 @pytest.mark.slow
