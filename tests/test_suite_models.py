@@ -24,6 +24,7 @@ from actionopt.suite.interfaces import (
 )
 from actionopt.suite.models.fits import largest_residual
 from actionopt.suite.models.floors import contact_changes
+from actionopt.suite.models.model import KnownAnswer, WrittenModel
 from actionopt.suite.models.slides import continuous_speeds, least_time
 from actionopt.suite.saddle_search import dimer, elastic_band
 from actionopt.suite.sequence import compare, in_force, steps
@@ -576,6 +577,35 @@ def test_any_saddle_of_index_one_is_right_where_one_is_asked_for(tmp_path):
         "dimer": "right",
         "many": "other",
     }
+
+
+def test_what_is_stationary_among_rows_and_bounds_need_not_be_listed():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+
+    def problem(f, c, **more):
+        told = KnownAnswer(np.array([-1.0, 0.0]), np.zeros(c.numel()), "told")
+        more |= {"start": np.array([0.3, 0.3]), "answer": lambda: told}
+        return WrittenModel("mine", ca.vertcat(x, y), f, c, **more)
+
+    def found(asked, *at):
+        near = asked.nearest(np.array(at) + 1e-4, 1e-3)
+        return None if near is None else (near.index, *np.round(near.x, 12) + 0.0)
+
+    # On a circle x + y^2 is greatest at (1/2, sqrt(3)/2), and has a second minimum at (1, 0).
+    circle = problem(x + y**2, x**2 + y**2 - 1)
+    assert found(circle, 1.0, 0.0) == (0, 1, 0)
+    top = circle.nearest(np.array([0.5, 0.75**0.5]) + 1e-4, 1e-3)
+    assert top.index == 1 and top.x == pytest.approx([0.5, 0.75**0.5], abs=1e-12)
+    assert found(circle, 0.0, 1.0) is None and circle.residual(np.array([0.0, 1.0])) > 0.1
+    assert circle.residual(top.x + 1e-4) < 2e-4
+    # The corner presses on both sides; on the edge x = 1/2 a saddle, and at (1/2, 0) y is pulled.
+    corner = problem(-(x**2) - y**2, ca.SX(0, 1), bounds=(-1.0, [0.5, 0.75]))
+    assert found(corner, 0.5, 0.75) == (0, 0.5, 0.75)
+    assert found(corner, 0.5, 0.0) == (1, 0.5, 0)
+    assert found(corner, 0.0, 0.0) == (2, 0, 0)
+    assert found(corner, 0.5, 0.3) is None
+    pulled = problem(x**2 + y**2, ca.SX(0, 1), bounds=(-1.0, [0.5, 0.75]))
+    assert found(pulled, 0.5, 0.0) is None and found(pulled, 0.0, 0.0) == (0, 0, 0)
 
 
 # -- all minima ------------------------------------------------------------------------------

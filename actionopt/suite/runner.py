@@ -24,6 +24,8 @@ from threading import Lock
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from actionopt.suite import solvers
 from actionopt.suite.cell import Cell, with_verdict
 from actionopt.suite.member import Member
@@ -128,6 +130,8 @@ def _numbers(cell: Cell) -> dict[str, Any]:
     x0 = problem.start(start)
     slopes = problem.gradient(x0) if problem.smooth else []
     values = [problem.objective(x0), *slopes, *problem.constraints(x0), *x0]
+    if problem.inequalities:
+        values += np.concatenate([*problem.bounds, *problem.constraint_bounds]).tolist()
     said = " ".join(f"{value:.9g}" for value in (*values, *problem.unit))
     return {
         **problem.resolution,

@@ -8,7 +8,7 @@ ends have. They are made to be read, and to compare others with.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,13 @@ import numpy as np
 from actionopt.tools.types import Array
 
 DIMER_LENGTH = 1e-4  # half the distance of its ends
-DIMER_ROTATIONS = 4  # at each point
+DIMER_STEPS = 1000
+# Rotations at each point, until what is left of the curvature is so small a part of it. Stiff
+# directions hide the softest one: with four rotations and a plane the dimer climbed along a wrong
+# one, and went on for ever.
+DIMER_ROTATIONS, DIMER_ROTATED = 20, 0.05
+DIMER_MEMORY = 100  # steps from which curvature is known: 20 took three times as many steps
+DIMER_FARTHEST = 0.2  # of x in one step; ad hoc
 FIRE_STEPS = 5000
 FORCE_LEFT = 1e-9  # of the force, relative to that at the beginning
 # Of FIRE, as published: after so many steps downhill the time step grows.
@@ -57,38 +63,87 @@ def relax(force: Callable[[Array], Array], x: Array) -> tuple[Array, bool]:
 def dimer(problem: Any, x0: Array) -> tuple[Array, None, bool]:
     """Return a saddle that is reached from x0 (n,) by climbing along the softest direction.
 
-    Source: G. Henkelman and H. Jonsson, J. Chem. Phys. 111 (1999), 7010-7022.
+    Source: G. Henkelman and H. Jonsson, J. Chem. Phys. 111 (1999), 7010-7022; with the steps of
+    J. Kastner and P. Sherwood, J. Chem. Phys. 128 (2008), 014106, by a limited memory.
     """
     _check(problem)
-    direction = np.random.default_rng(0).normal(size=x0.size)
+    x, slope = np.array(x0, dtype=float), problem.gradient(x0)
+    least = FORCE_LEFT * max(float(np.linalg.norm(slope)), 1.0)
+    direction = np.random.default_rng(0).normal(size=x.size)
     direction = direction / np.linalg.norm(direction)
+    changes: list[tuple[Array, Array]] = []
+    before = None
 
-    def curve(x: Array, along: Array) -> Array:
+    def curve(along: Array) -> Array:
         ends = (problem.gradient(x + s * DIMER_LENGTH * along) for s in (1, -1))
         return (next(ends) - next(ends)) / (2 * DIMER_LENGTH)
 
-    def force(x: Array) -> Array:
-        nonlocal direction
-        bent = curve(x, direction)
-        for _ in range(DIMER_ROTATIONS):
-            aside = bent - (bent @ direction) * direction
-            size = np.linalg.norm(aside)
-            if size <= 1e-8 * max(np.linalg.norm(bent), 1e-300):
-                break
-            plane = np.stack([direction, aside / size])
-            images = np.stack([bent, curve(x, plane[1])])
-            inner = plane @ images.T
-            turn = np.linalg.eigh((inner + inner.T) / 2)[1][:, 0]
-            turned = turn @ plane
-            # Near the softest direction `aside` is round-off, and not quite at right angles.
-            longer = np.linalg.norm(turned)
-            direction, bent = turned / longer, turn @ images / longer
+    for _ in range(DIMER_STEPS):
+        direction, curvature = softest(curve, direction)
+        if curvature < 0 and np.linalg.norm(slope) <= least:
+            return x, None, True
+        uphill = float(slope @ direction)
+        if curvature < 0:
+            force = 2 * uphill * direction - slope
+            if before is not None and before[0] @ (before[1] - force) > 0:
+                changes = [*changes[1 - DIMER_MEMORY :], (before[0], before[1] - force)]
+            step = _limited_memory(force, changes)
+            step = step * min(1.0, DIMER_FARTHEST / max(float(np.max(np.abs(step))), 1e-300))
+            before = step, force
+        else:
+            changes, before = [], None
+            step = DIMER_FARTHEST * np.copysign(1.0, uphill) * direction
+        x = x + step
         slope = problem.gradient(x)
-        uphill = (slope @ direction) * direction
-        return 2 * uphill - slope if bent @ direction < 0 else uphill
+    return x, None, False
 
-    x, rests = relax(force, x0)
-    return x, None, rests
+
+def softest(curve: Callable[[Array], Array], direction: Array) -> tuple[Array, float]:
+    """Return the direction (n,) of least curvature that rotations come to, and its curvature.
+
+    `curve(along)` is the Hessian times a direction. Each rotation is to the least in the space of
+    the direction, what is left there, and the last rotation.
+
+    Source: A. V. Knyazev, SIAM J. Sci. Comput. 23 (2001), 517-541.
+    """
+    bent, last = curve(direction), []
+    for _ in range(DIMER_ROTATIONS):
+        curvature = float(bent @ direction)
+        aside = bent - curvature * direction
+        size = float(np.linalg.norm(aside))
+        if size <= DIMER_ROTATED * abs(curvature):
+            break
+        space = np.stack([direction, aside / size, *last[:1]])
+        images = np.stack([bent, curve(space[1]), *last[1:]])
+        # Near the softest direction `aside` is round-off: what spans nothing new is left out.
+        weight, axes = np.linalg.eigh(space @ space.T)
+        axes = (axes / np.sqrt(np.maximum(weight, 1e-300)))[:, weight > 1e-8]
+        inner = axes.T @ (space @ images.T) @ axes
+        turn = axes @ np.linalg.eigh((inner + inner.T) / 2)[1][:, 0]
+        step = np.append(0.0, turn[1:])
+        longest = float(np.linalg.norm(step @ space))
+        last = [step @ space / longest, step @ images / longest] if longest > 1e-10 else []
+        direction, bent = turn @ space, turn @ images
+        size = float(np.linalg.norm(direction))
+        direction, bent = direction / size, bent / size
+    return direction, float(bent @ direction)
+
+
+def _limited_memory(force: Array, changes: Sequence[tuple[Array, Array]]) -> Array:
+    """Return the step of a quasi-Newton method, from steps and the changes of minus the force.
+
+    Source: J. Nocedal and S. J. Wright, *Numerical Optimization* (2006), algorithm 7.4.
+    """
+    step, parts = force.copy(), []
+    for moved, change in reversed(changes):
+        parts.append((moved @ step) / (moved @ change))
+        step = step - parts[-1] * change
+    if changes:
+        moved, change = changes[-1]
+        step = step * (moved @ change) / (change @ change)
+    for (moved, change), part in zip(changes, reversed(parts), strict=True):
+        step = step + moved * (part - (change @ step) / (moved @ change))
+    return step
 
 
 def elastic_band(problem: Any, start: Array, end: Array, images: int = 9) -> tuple[Array, bool]:

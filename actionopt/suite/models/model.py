@@ -183,7 +183,11 @@ class Model(Member):
 
 
 DENSE_UNKNOWNS = 500  # beyond which eigenvalues take long, and only known points are looked at
-STEPS_TO_A_POINT = 20
+STEPS_TO_A_POINT, STEP_AT_A_POINT = 20, 1e-9  # the last step, in units of x
+# In units of x, bounds and rows as near as that press: far above solvers' tolerances to begin with,
+# and less where what is nearly touched does not press.
+TOUCHED = (1e-4, 1e-5, 1e-6)
+PULLED = 1e-6  # of the gradient: a multiplier of the wrong sign that is no pull
 
 
 class WrittenModel(Model, WrittenProgram):
@@ -212,47 +216,81 @@ class WrittenModel(Model, WrittenProgram):
         Model.__init__(self, start=start, answer=answer, tags=tags)
         WrittenProgram.__init__(self, name, x, f, c, **written)
 
-    @property
-    def _free(self) -> bool:
-        """Whether Newton's method can look for stationary points."""
-        return not (self.m or self.has_bounds) and self.n <= DENSE_UNKNOWNS
+    def _bending(self, x: Array, lam: Array) -> Array:
+        """Return the Hessian of f + lam'c, dense."""
+        upper = np.zeros((self.n, self.n))
+        upper[self.hessian_structure] = self._hessian(x, lam, 1.0)
+        return upper + np.triu(upper, 1).T
 
-    def _bending(self, x: Array) -> Array:
-        """Return the Hessian of f, dense."""
-        return self.slope_and_curvature(x)[1].full()
+    def _step(self, x: Array, touched: float) -> tuple[Array, int, bool]:
+        """Return Newton's step from x for the conditions of first order, in units of x.
 
-    def _step(self, x: Array) -> Array:
-        try:
-            return -np.linalg.solve(self._bending(x), self._gradient(x))
-        except np.linalg.LinAlgError:
-            return np.full(self.n, np.nan)
+        With it the index, and whether all bounds and rows hold. Of those that x touches, what pulls
+        by the multipliers that fit the gradient best is left out.
+        """
+        slope, unit = self._gradient(x) * self.unit, self.unit
+        lower, upper = (
+            np.concatenate(s) for s in zip(self.constraint_bounds, self.bounds, strict=True)
+        )
+        value, rows = np.append(self._constraints(x), x), np.zeros((self.m + self.n, self.n))
+        rows[self.jacobian_structure] = self._jacobian(x)
+        rows[self.m + np.arange(self.n), np.arange(self.n)] = 1.0
+        rows *= unit
+        size = np.linalg.norm(rows, axis=1)
+        low, high = value - lower <= touched * size, upper - value <= touched * size
+        equal = lower == upper
+        on = low | high | equal
+        lam = np.zeros(on.size)
+        if not np.isfinite([*slope, *value, *rows.ravel()]).all():
+            return np.full(self.n, np.inf), 0, False
+        while True:
+            lam[:] = 0.0
+            lam[on] = np.linalg.lstsq(rows[on].T, -slope, rcond=None)[0]
+            pull = np.where(equal, 0.0, np.where(low, lam, -lam)) * size
+            if not on.any() or np.max(pull[on]) <= PULLED * np.linalg.norm(slope):
+                break
+            on[np.argmax(np.where(on, pull, -np.inf))] = False
+        curved = self._bending(x, lam[: self.m]) * unit * unit[:, None]
+        off = np.where(low, value - lower, value - upper)[on]
+        held = rows[on]
+        matrix = np.block([[curved, held.T], [held, np.zeros((held.shape[0],) * 2)]])
+        right = -np.append(slope + held.T @ lam[on], off)
+        found = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        if np.linalg.norm(matrix @ found - right) > PULLED * (1 + np.linalg.norm(right)):
+            found[:] = np.inf
+        outside = np.maximum(lower - value, value - upper) > touched * size
+        rank = np.linalg.matrix_rank(held) if on.any() else 0
+        along = np.linalg.svd(held)[2][rank:].T if rank else np.eye(self.n)
+        low_ones = int(np.sum(np.linalg.eigvalsh(along.T @ curved @ along) < 0))
+        return found[: self.n], low_ones, not outside.any()
 
     def nearest(self, x: Array, reach: float) -> Stationary | None:
         """Return a stationary point within `reach` of x, in `unit`; None if none is found.
 
-        A known one, or, without bounds and rows, one that Newton's method finds.
+        A known one, or one that Newton's method finds with the bounds and rows that x touches.
         """
         known = super().nearest(x, reach)
-        if known is not None or not self._free:
+        if known is not None or self.n > DENSE_UNKNOWNS:
             return known
-        there, step = np.asarray(x, dtype=float), np.full(self.n, np.inf)
-        for _ in range(STEPS_TO_A_POINT):
-            step = self._step(there)
-            there = there + step
-            if not self.distance(there, x) <= reach:  # NaN as well
-                return None
-        if not np.max(np.abs(step / self.unit)) <= 1e-9:
-            return None
-        scaled = self._bending(there) * self.unit * self.unit[:, None]
-        low = int(np.sum(np.linalg.eigvalsh(scaled) < 0))
-        return Stationary(there, self._objective(there), low)
+        for touched in TOUCHED:
+            there = np.array(x, dtype=float)
+            for _ in range(STEPS_TO_A_POINT):
+                step, index, holds = self._step(there, touched)
+                size = np.max(np.abs(step))
+                if size <= STEP_AT_A_POINT and holds:
+                    return Stationary(there, self._objective(there), index)
+                there = there + step * self.unit
+                if not self.distance(there, x) <= reach:  # NaN as well
+                    break
+        return None
 
     def residual(self, x: Array) -> float:
-        """Return how far Newton's method would step from x, in units of x.
+        """Return how far x is from the nearest stationary point, in units of x.
 
-        With bounds or rows, how far the nearest known stationary point is.
+        One that is known, or, as far as Newton's method would step, another.
         """
-        if not self._free:
-            return super().residual(x)
-        step = np.abs(self._step(np.asarray(x, dtype=float)) / self.unit)
-        return float(np.nan_to_num(np.max(step), nan=np.inf))
+        known = super().residual(x)
+        if self.n > DENSE_UNKNOWNS:
+            return known
+        step = np.max(np.abs(self._step(np.asarray(x, dtype=float), TOUCHED[0])[0]))
+        return min(known, float(np.nan_to_num(step, nan=np.inf)))
