@@ -545,6 +545,12 @@ def test_a_dimer_climbs_to_a_saddle_known_or_not():
         assert (found.f == problem.others[0].f) == known
 
 
+def test_a_dimer_climbs_to_a_saddle_of_an_action():
+    bead = suite.get("hoop_bead")  # its motion is a saddle between two others
+    x, _, rests = dimer(bead, bead.start())
+    assert rests and bead.index_star == 1 and bead.distance(x) < 1e-6
+
+
 def test_a_band_finds_the_barrier():
     problem = suite.model("pendulum_row", pendulums=4, coupling=8.0)
     ends = problem.x_star, problem.others[1].x

@@ -16,48 +16,56 @@ import numpy as np
 from actionopt.tools.types import Array
 
 DIMER_LENGTH = 1e-4  # half the distance of its ends
-DIMER_STEPS = 1000
 # Rotations at each point, until what is left of the curvature is so small a part of it. Stiff
 # directions hide the softest one: with four rotations and a plane the dimer climbed along a wrong
 # one, and went on for ever.
 DIMER_ROTATIONS, DIMER_ROTATED = 20, 0.05
-DIMER_MEMORY = 100  # steps from which curvature is known: 20 took three times as many steps
-DIMER_FARTHEST = 0.2  # of x in one step; ad hoc
-FIRE_STEPS = 5000
+CLIMBING_STEPS = 1000
+CHANGES_KEPT = 100  # steps from which curvature is known: 20 took three times as many steps
+LONGEST_CLIMB = 0.2  # of x in one step; ad hoc
 FORCE_LEFT = 1e-9  # of the force, relative to that at the beginning
-# Of FIRE, as published: after so many steps downhill the time step grows.
-FIRE_AFTER, FIRE_GROWTH, FIRE_CUT, FIRE_MIX, FIRE_LESS = 5, 1.1, 0.5, 0.1, 0.99
-FIRE_FIRST, FIRE_LONGEST, FIRE_FARTHEST = (
-    0.05,
-    0.5,
-    0.2,
-)  # time steps, and the most that x moves in one
 
 
-def relax(force: Callable[[Array], Array], x: Array) -> tuple[Array, bool]:
+def relax(force: Callable[[Array], tuple[Array, bool]], x: Array) -> tuple[Array, bool]:
     """Follow a force to where it vanishes; return x there, and whether it does.
 
-    Source: E. Bitzek et al., Phys. Rev. Lett. 97 (2006), 170201 (FIRE).
+    `force(x)` returns it, and whether it can vanish near x; if not, it is followed a fixed way.
     """
-    velocity, dt, mix, downhill = np.zeros_like(x), FIRE_FIRST, FIRE_MIX, 0
-    least = None
-    for _ in range(FIRE_STEPS):
-        push = force(x)
-        size = float(np.linalg.norm(push))
+    x, changes, before, least = np.array(x, dtype=float), [], None, None
+    for _ in range(CLIMBING_STEPS):
+        push, ends = force(x)
+        push, size = push.ravel(), float(np.linalg.norm(push))
         least = FORCE_LEFT * max(size, 1.0) if least is None else least
-        if size <= least:
+        if ends and size <= least:
             return x, True
-        if np.vdot(push, velocity) > 0:
-            downhill += 1
-            velocity = (1 - mix) * velocity + mix * np.linalg.norm(velocity) / size * push
-            if downhill > FIRE_AFTER:
-                dt, mix = min(dt * FIRE_GROWTH, FIRE_LONGEST), mix * FIRE_LESS
-        else:
-            velocity, dt, mix, downhill = np.zeros_like(x), dt * FIRE_CUT, FIRE_MIX, 0
-        velocity = velocity + dt * push
-        step = dt * velocity
-        x = x + step * min(1.0, FIRE_FARTHEST / max(float(np.max(np.abs(step))), 1e-300))
+        if ends and before is not None and before[0] @ (before[1] - push) > 0:
+            changes = [*changes[1 - CHANGES_KEPT :], (before[0], before[1] - push)]
+        step = limited_memory(push, changes)
+        if not (ends and step @ push > 0):
+            changes, step = [], push
+        longest = float(np.max(np.abs(step)))
+        if longest > LONGEST_CLIMB or not ends:
+            step = step * LONGEST_CLIMB / max(longest, 1e-300)
+        before = (step, push) if ends else None
+        x = x + step.reshape(x.shape)
     return x, False
+
+
+def limited_memory(force: Array, changes: Sequence[tuple[Array, Array]]) -> Array:
+    """Return the step of a quasi-Newton method, from steps and the changes of minus the force.
+
+    Source: J. Nocedal and S. J. Wright, *Numerical Optimization* (2006), algorithm 7.4.
+    """
+    step, parts = force.copy(), []
+    for moved, change in reversed(changes):
+        parts.append((moved @ step) / (moved @ change))
+        step = step - parts[-1] * change
+    if changes:
+        moved, change = changes[-1]
+        step = step * (moved @ change) / (change @ change)
+    for (moved, change), part in zip(changes, reversed(parts), strict=True):
+        step = step + moved * (part - (change @ step) / (moved @ change))
+    return step
 
 
 def dimer(problem: Any, x0: Array) -> tuple[Array, None, bool]:
@@ -67,35 +75,25 @@ def dimer(problem: Any, x0: Array) -> tuple[Array, None, bool]:
     J. Kastner and P. Sherwood, J. Chem. Phys. 128 (2008), 014106, by a limited memory.
     """
     _check(problem)
-    x, slope = np.array(x0, dtype=float), problem.gradient(x0)
-    least = FORCE_LEFT * max(float(np.linalg.norm(slope)), 1.0)
-    direction = np.random.default_rng(0).normal(size=x.size)
+    direction = np.random.default_rng(0).normal(size=x0.size)
     direction = direction / np.linalg.norm(direction)
-    changes: list[tuple[Array, Array]] = []
-    before = None
 
-    def curve(along: Array) -> Array:
-        ends = (problem.gradient(x + s * DIMER_LENGTH * along) for s in (1, -1))
-        return (next(ends) - next(ends)) / (2 * DIMER_LENGTH)
+    def force(x: Array) -> tuple[Array, bool]:
+        nonlocal direction
 
-    for _ in range(DIMER_STEPS):
+        def curve(along: Array) -> Array:
+            ends = (problem.gradient(x + s * DIMER_LENGTH * along) for s in (1, -1))
+            return (next(ends) - next(ends)) / (2 * DIMER_LENGTH)
+
         direction, curvature = softest(curve, direction)
-        if curvature < 0 and np.linalg.norm(slope) <= least:
-            return x, None, True
+        slope = problem.gradient(x)
         uphill = float(slope @ direction)
         if curvature < 0:
-            force = 2 * uphill * direction - slope
-            if before is not None and before[0] @ (before[1] - force) > 0:
-                changes = [*changes[1 - DIMER_MEMORY :], (before[0], before[1] - force)]
-            step = _limited_memory(force, changes)
-            step = step * min(1.0, DIMER_FARTHEST / max(float(np.max(np.abs(step))), 1e-300))
-            before = step, force
-        else:
-            changes, before = [], None
-            step = DIMER_FARTHEST * np.copysign(1.0, uphill) * direction
-        x = x + step
-        slope = problem.gradient(x)
-    return x, None, False
+            return 2 * uphill * direction - slope, True
+        return np.copysign(1.0, uphill) * direction, False
+
+    x, rests = relax(force, x0)
+    return x, None, rests
 
 
 def softest(curve: Callable[[Array], Array], direction: Array) -> tuple[Array, float]:
@@ -129,34 +127,18 @@ def softest(curve: Callable[[Array], Array], direction: Array) -> tuple[Array, f
     return direction, float(bent @ direction)
 
 
-def _limited_memory(force: Array, changes: Sequence[tuple[Array, Array]]) -> Array:
-    """Return the step of a quasi-Newton method, from steps and the changes of minus the force.
-
-    Source: J. Nocedal and S. J. Wright, *Numerical Optimization* (2006), algorithm 7.4.
-    """
-    step, parts = force.copy(), []
-    for moved, change in reversed(changes):
-        parts.append((moved @ step) / (moved @ change))
-        step = step - parts[-1] * change
-    if changes:
-        moved, change = changes[-1]
-        step = step * (moved @ change) / (change @ change)
-    for (moved, change), part in zip(changes, reversed(parts), strict=True):
-        step = step + moved * (part - (change @ step) / (moved @ change))
-    return step
-
-
 def elastic_band(problem: Any, start: Array, end: Array, images: int = 9) -> tuple[Array, bool]:
     """Return points (images, n) along the way of least climb between two minima.
 
     The highest one climbs to the saddle. The second value is whether the band came to rest.
 
-    Source: G. Henkelman, B. P. Uberuaga and H. Jonsson, J. Chem. Phys. 113 (2000), 9901-9904.
+    Source: G. Henkelman, B. P. Uberuaga and H. Jonsson, J. Chem. Phys. 113 (2000), 9901-9904; with
+    the steps of D. Sheppard, R. Terrell and G. Henkelman, J. Chem. Phys. 128 (2008), 134106.
     """
     _check(problem)
     s = np.linspace(0, 1, images + 2)[1:-1, None]
 
-    def force(band: Array) -> Array:
+    def force(band: Array) -> tuple[Array, bool]:
         every = np.vstack([start, band, end])
         f = np.array([problem.objective(x) for x in every])
         slopes = np.stack([problem.gradient(x) for x in band])
@@ -171,7 +153,7 @@ def elastic_band(problem: Any, start: Array, end: Array, images: int = 9) -> tup
         push = along * tangent - slopes + apart[:, None] * tangent
         top = int(np.argmax(f[1:-1]))
         push[top] = 2 * along[top] * tangent[top] - slopes[top]
-        return push
+        return push, True
 
     return relax(force, (1 - s) * start + s * end)
 

@@ -186,7 +186,7 @@ DENSE_UNKNOWNS = 500  # beyond which eigenvalues take long, and only known point
 STEPS_TO_A_POINT, STEP_AT_A_POINT = 20, 1e-9  # the last step, in units of x
 # In units of x, bounds and rows as near as that press: far above solvers' tolerances to begin with,
 # and less where what is nearly touched does not press.
-TOUCHED = (1e-4, 1e-5, 1e-6)
+NEARLY_TOUCHED = (1e-4, 1e-5, 1e-6)
 PULLED = 1e-6  # of the gradient: a multiplier of the wrong sign that is no pull
 
 
@@ -272,7 +272,7 @@ class WrittenModel(Model, WrittenProgram):
         known = super().nearest(x, reach)
         if known is not None or self.n > DENSE_UNKNOWNS:
             return known
-        for touched in TOUCHED:
+        for touched in NEARLY_TOUCHED:
             there = np.array(x, dtype=float)
             for _ in range(STEPS_TO_A_POINT):
                 step, index, holds = self._step(there, touched)
@@ -292,5 +292,5 @@ class WrittenModel(Model, WrittenProgram):
         known = super().residual(x)
         if self.n > DENSE_UNKNOWNS:
             return known
-        step = np.max(np.abs(self._step(np.asarray(x, dtype=float), TOUCHED[0])[0]))
+        step = np.max(np.abs(self._step(np.asarray(x, dtype=float), NEARLY_TOUCHED[0])[0]))
         return min(known, float(np.nan_to_num(step, nan=np.inf)))
