@@ -59,7 +59,7 @@ from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.single_shooting import arrivals, can_depart
 from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
-from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, ROUGHLY, Workspace, alike
+from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, Workspace, alike
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime
 
@@ -72,6 +72,7 @@ SINGULAR = 1e-3
 # that. Measured on families of 2 to 5 dimensions: flat from 1e-4 to 1e-5, at 3e-4 some are missed.
 ON_FAMILY = 3e-5
 UNREACHED = 1e6  # damping of steps to a family, in squares of the residual, that leads nowhere
+ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess, and how far it tells a place
 FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a family
 NEAR_FAMILY = 0.5  # of its size, how far a closed path is from a guess of it; ad hoc
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
@@ -234,7 +235,7 @@ class Unfixed(Workspace[UnfixedPath]):
         rests = self.problem.integral is None  # else it may be an answer
         if closes and rests and moved < AT_REST * np.ptp(path.values, axis=1).max():
             return False
-        return problem is self.problem or self._begin(ROUGHLY)
+        return problem is self.problem or self._begin(ROUGH)
 
     def _begun_near(self, path: Path) -> bool:
         """Go to the closed path near a rough one that begins where that passes what is given."""
@@ -298,7 +299,7 @@ class Unfixed(Workspace[UnfixedPath]):
         """
         before = self.iterate, self.hint
         near = guess
-        for represented in (ROUGHLY, REPRESENTED[0]):
+        for represented in (ROUGH, REPRESENTED[0]):
             self.along, self.gain = (), UNKNOWN_GAIN
             path = guess_path(self.problem, near, represented)
             if self.problem.phase_coordinates:
