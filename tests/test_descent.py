@@ -7,7 +7,7 @@ import pytest
 import systems
 from helpers import transcribed
 
-from actionopt import System
+from actionopt import Event, Periodic, Problem, System, solve
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import follow
 from actionopt.solver.descent import RUNAWAY, descend, falls_from
@@ -151,4 +151,15 @@ def test_it_is_seen_from_a_saddle_whether_the_action_is_bounded_below():
         saddle = tr.pack(tr.straight())
         assert np.abs(tr.gradient(saddle)).max() == 0.0
         assert not Factors(tr.layout, tr.kkt(saddle)).definite()
-        assert falls_from(tr, saddle) == unbounded
+        assert falls_from(tr, saddle, np.array([], dtype=int)) == unbounded
+
+
+def test_closed_paths_that_are_saddles_are_found_without_a_search_for_least_ones():
+    """The answer of a stiff spring to a small swift force: near -a cos(w t) / (w^2 - 1)."""
+    spring = systems.spring(stiffening=1.0, push=lambda t: 0.01 * np.cos(7 * t))
+    end = Periodic(2 * np.pi / 7)
+    solution = solve(Problem(spring, Event(0.0, [None]), end))
+    assert "ipopt" not in solution.stats["iterations"]
+    assert solution.morse_index == 1
+    t = np.linspace(0.0, 0.8, 9)
+    assert np.abs(solution(t)[0] + 0.01 * np.cos(7 * t) / 48).max() < 1e-9

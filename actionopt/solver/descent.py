@@ -93,19 +93,24 @@ def descend(tr: Transcription, z: Array) -> Descended:
     return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)
 
 
-def falls_from(tr: Transcription, saddle: Array) -> bool:
+def falls_from(tr: Transcription, saddle: Array, loose: Array) -> bool:
     """Whether S falls all the way along a straight line from a saddle to a path that has run away.
 
-    Along the variation that lowers it most for its velocities, by the power method with K^-1 H.
+    With constants added to the coordinates that are `loose` (k,), held nowhere; if none is, along
+    the variation that lowers it most for its velocities, by the power method with K^-1 H.
     """
     with np.errstate(all="ignore"):
-        gradient, metric = tr.gradient(saddle), Factors(tr.layout, tr.kinetic(saddle))
-        if not metric.definite():
-            return False
-        away = np.random.default_rng(0).standard_normal(saddle.size)
-        for _ in range(POWER_STEPS):
-            away *= OFF_SADDLE / np.abs(away).max()
-            away = away - metric.solve(tr.gradient(saddle + away) - gradient)
+        if loose.size:
+            away = np.zeros(saddle.size)
+            away[: tr.layout.unknowns] = np.isin(tr.layout.free % tr.layout.width, loose)
+        else:
+            gradient, metric = tr.gradient(saddle), Factors(tr.layout, tr.kinetic(saddle))
+            if not metric.definite():
+                return False
+            away = np.random.default_rng(0).standard_normal(saddle.size)
+            for _ in range(POWER_STEPS):
+                away *= OFF_SADDLE / np.abs(away).max()
+                away = away - metric.solve(tr.gradient(saddle + away) - gradient)
         away *= OFF_SADDLE / np.abs(away).max()
         return any(_falls_on(tr, saddle, side) for side in (away, -away))
 

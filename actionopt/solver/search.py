@@ -277,16 +277,14 @@ class Search:
 
     @property
     def _is_bottomless(self) -> bool:
-        """Whether the action falls on and on from the saddle in hand, so that none is least.
-
-        Not asked where velocities may vanish with no coordinate held: K is singular there.
-        """
+        """Whether the action falls on and on from the saddle in hand, so that none is least."""
         problem = self.ws.problem
-        held = {*problem.start.pinned, *(problem.end.pinned if problem.advance is None else ())}
-        if self.saddle is None or self.principle != "auto" or len(held) < problem.system.n:
+        if self.saddle is None or self.principle != "auto" or problem.system.m or problem.system.r:
             return False
+        held = {*problem.start.pinned, *(problem.end.pinned if problem.advance is None else ())}
+        loose = np.array([k for k in range(problem.system.n) if k not in held], dtype=int)
         found = self.saddle[1]
-        return not (problem.system.m or problem.system.r) and falls_from(found.tr, found.z)
+        return falls_from(found.tr, found.z, loose)
 
     def _refine_saddle(self) -> Status:
         """Refine the saddle that was found while a least path was sought, if there is one."""
