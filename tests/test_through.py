@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import over
 from actionopt.discrete.factors import full
 from actionopt.plot import fan_data, fronts_data, spectrum_data
 
@@ -381,6 +382,12 @@ def test_a_curve_that_does_not_fit_is_refused(value, rows):
     said = "a guess that is finite at all times" if rows == 2 else r"to return \(2, K\) for K times"
     with pytest.raises(ValueError, match=said):
         ao.solve(problem, guess=lambda t: np.full((rows, t.size), value))
+
+
+def test_between_given_ends_times_of_events_stay_unknown():
+    wall = ao.Bounce(lambda q, t: 1 - q @ q)
+    problem = ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [0, 0.3]), through=[wall])
+    assert over(problem, 2.0) is problem
 
 
 def test_rays_from_the_centre_and_back_are_a_family():

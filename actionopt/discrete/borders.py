@@ -128,6 +128,8 @@ class Border(Protocol):
 
 def over(problem: Problem, duration: float) -> Problem:
     """Return the problem at a duration, where its own is free; the times that are given stay."""
+    if not problem.free_time:  # times between the ends may be unknown still
+        return problem
     return problem.found_at(times_over(problem, duration))
 
 
