@@ -265,17 +265,24 @@ def test_a_kink_between_wells_of_unlike_rates():
     assert kink.action == pytest.approx(4 / 3 * 1.3, abs=1e-9)
 
 
-def test_a_bounce_that_begins_next_to_another_equilibrium_is_guessed():
-    rest, unit = min(np.roots([2, 0, -2, -0.27]).real), 1e-3
+@pytest.mark.parametrize(
+    ("unit", "zero"), [pytest.param(1e-3, 0.0, marks=pytest.mark.slow), (1e-3, 1.0)]
+)
+def test_a_bounce_that_begins_next_to_another_equilibrium_is_guessed(unit, zero):
+    """Also where the rest is at zero, which is no size."""
+    rest = min(np.roots([2, 0, -2, -0.27]).real)
 
-    def thin(q, v, r):
-        x = q[0] / unit
-        return r**3 * ((v[0] / unit) ** 2 / 2 + (x**2 - 1) ** 2 / 2 - 0.27 * (x - rest))
+    def thin(q, v, r):  # (x^2 - 1)^2 / 2 - 0.27 (x - rest), but for a constant, by y = x - rest
+        y = q[0] / unit - (1 - zero) * rest
+        return r**3 * (
+            (v[0] / unit) ** 2 / 2 + (3 * rest**2 - 1) * y**2 + 2 * rest * y**3 + y**4 / 2
+        )
 
-    end = ao.Event(INF, [unit * rest])
+    there = unit * rest * (1 - zero)
+    end = ao.Event(INF, [there])
     whole = ao.Problem(ao.System(thin, ["phi"]), ao.Event(0.0, [None]), end)
-    begin = next(guesses(for_search(whole, 1e-8), unit * rest))(np.zeros(1))[0, 0]
-    assert begin / unit == pytest.approx(1.06165, abs=1e-4)  # the other is at 1.06172
+    begin = next(guesses(for_search(whole, 1e-8), there))(np.zeros(1))[0, 0]
+    assert begin / unit + zero * rest == pytest.approx(1.06165, abs=1e-4)  # the other is at 1.06172
 
 
 def test_from_rest_to_rest_round_a_disc():
