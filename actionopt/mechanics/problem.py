@@ -80,7 +80,7 @@ class Problem:
         obstacle, or the times do not increase, by 1e-100 to 1e100; a parameter is unknown, a
         constraint contains no coordinate, what an event lies on does not fit, or there is no
         system. If events between the ends give nothing, are not as many as the laws of legs less
-        one, or go with what is not known of them: an infinite time, an obstacle; a constraint or a
+        one, or go with what is not known of them: an infinite time, a Bounce along an obstacle; a
         force where times or places are to be found. If the values of integrals are not as many as
         the system has, or go with several laws or an infinite time.
     """

@@ -337,7 +337,9 @@ def _refine_contact(
             curve = None
             if not (reached and ws.follow()):
                 ws.hint = ws.why()
-                if (
+                if ws.hint == FAMILY and ws.question.integral is not None:
+                    ws.hint = OTHER_VALUES
+                elif (
                     ws.hint == FAMILY
                     and min((x.end - x.begin for x in arcs), default=coarse) < coarse
                 ):
@@ -357,7 +359,8 @@ def _refine_contact(
         except ContactChange as change:
             arcs = change.arcs
         except np.linalg.LinAlgError:
-            ws.hint = ORDER if is_of_higher_order(held) else DEPENDENT
+            given = ws.question.integral is not None
+            ws.hint = ORDER if is_of_higher_order(held) else OTHER_VALUES if given else DEPENDENT
             return Status.NOT_FOUND
     if ws.inside > allowed:
         ws.hint = SMALL_OBSTACLE
