@@ -644,6 +644,17 @@ def test_a_path_along_an_obstacle_does_not_bounce():
         )
 
 
+def test_events_along_an_obstacle_that_do_not_fit_are_refused():
+    ends = ao.Event(0, [-2, 0.3]), ao.Event(2, [2, 0.3])
+    with pytest.raises(ValueError, match="expected event 0 of through outside"):
+        ao.Problem(body(disc()), *ends, through=[ao.Event(1, [0, 0.5])])
+    problem = ao.Problem(body(disc()), *ends, through=[ao.Event(None, [-1, 1.5])])
+    with pytest.raises(ValueError, match="expected neither a mesh"):
+        ao.solve(problem, mesh=ao.Mesh.uniform(0, 2, 8, 8))
+    with pytest.raises(ValueError, match="expected principle 'least'"):
+        ao.solve(problem, principle="stationary")
+
+
 def test_what_does_not_know_contact_says_so():
     problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
     sol = ao.solve(problem)

@@ -85,16 +85,18 @@ def check_outside(
         if open_.t is None:
             inside[k, moving] = False
         for i in np.flatnonzero(inside[k, m:]):
-            role = "start" if k == 0 else "end" if k == len(events) - 1 else f"{k}. event"
+            role = f"event {k - 1} of through"
+            if k in (0, len(events) - 1):
+                role = "the end event" if k else "the start event"
             found = f"found row {i} = {f[k, m + i]:.6g} at t = {event.t}, q = {event.q}"
             if not np.isfinite(event.t or 0.0):
                 raise ValueError(
-                    f"expected the {role} outside of the obstacle, f(q, t) > 0, {found}: what "
+                    f"expected {role} outside of the obstacle, f(q, t) > 0, {found}: what "
                     "rests in contact is held there by a force, and comes to it in a finite time; "
                     "give the time"
                 )
             raise ValueError(
-                f"expected the {role} event outside of the obstacle, f(q, t) >= 0, {found}; move "
+                f"expected {role} outside of the obstacle, f(q, t) >= 0, {found}; move "
                 "the event, or change the sign of the obstacle if its inside and outside are "
                 "exchanged"
             )

@@ -135,10 +135,22 @@ def _along(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
 
     if problem.advance is None or problem.start.on is None:
         given = not (problem.has_open_ends or problem.has_open_events)
+        check_arguments(problem, choices.tol, None, choices.principle, choices.mesh)
+        if problem.has_open_events:
+            _check_no_mesh(choices)
         return (between if given else free_contact)(problem, guess, choices)
     free = problem.replace(start=Event(problem.start.t, [None] * problem.system.n))
     found = first_acceptable(free, guess, choices)
     return begin_at_surface(problem, found[0], choices) if found[0].success else found
+
+
+def _check_no_mesh(choices: Choices) -> None:
+    """Raise ValueError for choices that do not go with events that are to be found."""
+    if choices.mesh is not None or choices.strategies is IPOPT:
+        raise ValueError(
+            "expected neither a mesh nor method 'ipopt' where times or places of events between "
+            "the ends are to be found: both know given events; leave them out, and give tol"
+        )
 
 
 def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
@@ -146,11 +158,7 @@ def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     from actionopt.solver.through import solve_through
 
     check_arguments(problem, choices.tol, None, choices.principle, None)
-    if choices.mesh is not None or choices.strategies is IPOPT:
-        raise ValueError(
-            "expected neither a mesh nor method 'ipopt' where times or places of events between "
-            "the ends are to be found: both know given events; leave them out, and give tol"
-        )
+    _check_no_mesh(choices)
     known = choices.tol, guess, choices.principle, choices.watch
     solution, hint = solve_through(problem, *known)
     return solution, message_of(solution, choices.tol, hint)
