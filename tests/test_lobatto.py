@@ -3,8 +3,9 @@
 import mpmath
 import numpy as np
 import pytest
+from numpy.polynomial.legendre import legder, legval
 
-from actionopt.tools.lobatto import legendre, lgl
+from actionopt.tools.lobatto import legendre, lgl, open_rule
 
 EPS = np.finfo(float).eps
 DEGREES = [1, 2, 3, 4, 8, 16, 33, 64]
@@ -88,3 +89,30 @@ def test_constants_have_no_velocity():
 def test_degrees_that_are_none(d):
     with pytest.raises(ValueError, match="polynomial degree >= 1"):
         lgl(d)
+
+
+@pytest.mark.parametrize("ends", [(1, 0), (0, 1), (1, 1), (2, 0), (2, 1)])
+@pytest.mark.parametrize("degree", [2, 5, 12])
+def test_open_rules_sum_polynomials_and_never_look_at_open_ends(degree, ends):
+    rule = open_rule(degree, ends)
+    exact = 2 * degree - (2 if 0 in ends else 3)
+    for k in range(exact + 1):
+        assert abs(rule.weights @ rule.nodes**k - (1 + (-1) ** k) / (k + 1)) < 1e-14
+    out = np.array(ends) > 0
+    assert ((rule.weights[[0, -1]] == 0) == out).all() and (rule.weights[1:-1] > 0).all()
+    x, at_rest = np.linspace(-1, 1, 7), (ends[0] == 2) + (ends[1] == 2)
+    series = np.zeros(degree + 1 + at_rest)
+    series[-1] = 1.0
+    if at_rest:  # whose slope vanishes at -1
+        series[1] -= legval(-1.0, legder(series))
+    values = np.polynomial.legendre.legval(rule.nodes, series)
+    assert (
+        np.abs(rule.interpolation(x) @ values - np.polynomial.legendre.legval(x, series)).max()
+        < 1e-12
+    )
+    slope = np.polynomial.legendre.legder(series)
+    assert np.abs(rule.slopes(x) @ values - np.polynomial.legendre.legval(x, slope)).max() < 1e-10
+
+
+def legder_at(series, x):
+    return np.polynomial.legendre.legval(x, np.polynomial.legendre.legder(series))

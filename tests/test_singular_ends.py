@@ -1,8 +1,12 @@
-"""Paths from where the mass vanishes: the centre of a radial problem."""
+"""Paths from where the mass vanishes, or L is infinite: a centre, a fall from rest."""
+
+import pickle
 
 import numpy as np
 import pytest
 from helpers import a_quarter
+from scipy.optimize import brentq, fsolve
+from scipy.special import jv
 
 import actionopt as ao
 from actionopt.analysis.flow import IntegrationError
@@ -120,3 +124,107 @@ def test_a_bounce_that_comes_to_rest_as_a_power_of_the_radius():
     assert bounce.morse_index == 1
     with pytest.raises(ValueError, match="a late finite time"):
         ao.solve(decay.replace(end=ao.Event(np.inf, [0.0])), guess=bounce)
+
+
+# -- where L is infinite at an end, and not along the path ---------------------------------------
+
+
+BRACHISTOCHRONE = ao.System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / (4 * q[1]), ["x", "depth"])
+REST = ao.Event(0, [0, 0])
+
+
+def roll(x, depth):
+    """Return the radius and the angle of the wheel that draws a cycloid from a cusp to a point."""
+    angle = brentq(lambda u: (u - np.sin(u)) * depth - (1 - np.cos(u)) * x, 1e-3, 2 * np.pi - 1e-3)
+    return depth / (1 - np.cos(angle)), angle
+
+
+def radial_equation(k):
+    """Return Schroedinger's equation of hydrogen for angular momentum k, in atomic units."""
+    return ao.System(
+        lambda q, v, r: v[0] ** 2 / 2 + k * (k + 1) / 2 * (q[0] / r) ** 2 - q[0] ** 2 / r,
+        ["u"],
+        integral=lambda q, v, r: q[0] ** 2,
+    )
+
+
+@pytest.mark.parametrize("x, depth", [(1.0, 0.7), (2.0, 0.4)])
+@pytest.mark.parametrize("tol", [1e-6, 1e-10])
+def test_a_fall_from_rest_is_a_cycloid(x, depth, tol):
+    R, angle = roll(x, depth)
+    fall = ao.solve(ao.Problem(BRACHISTOCHRONE, REST, ao.Event(1, [x, depth])), tol=tol)
+    u = angle * np.linspace(0, 1, 41)
+    exact = R * np.array([u - np.sin(u), 1 - np.cos(u)])
+    assert np.abs(fall(u / angle) - exact).max() < tol * max(x, depth)
+    assert abs(fall.action - R * angle**2 / 2) < 10 * tol
+    assert fall.morse_index == 0 and np.abs(fall.velocity(0.0)).max() < 1e-9
+    assert fall.compare().agrees is not False
+
+
+def test_a_fall_that_is_run_backwards_is_the_same():
+    R, angle = roll(1.0, 0.7)
+    up = ao.solve(ao.Problem(BRACHISTOCHRONE, ao.Event(0, [1, 0.7]), ao.Event(1, [0, 0])), tol=1e-9)
+    assert abs(up.action - R * angle**2 / 2) < 1e-12 and up.morse_index == 0
+
+
+def test_a_fall_to_a_wall_meets_it_at_right_angles():
+    end = ao.Event(1, [None, None], on=lambda q, t: q[0] - 1)
+    fall = ao.solve(ao.Problem(BRACHISTOCHRONE, REST, end), tol=1e-10)
+    assert abs(fall.action - np.pi / 2) < 1e-12 and fall.morse_index == 0
+    assert np.abs(fall.end.q - [1, 2 / np.pi]).max() < 1e-10
+
+
+def test_a_fall_through_a_point_is_two_cycloids():
+    """The times of both legs are as their optical lengths, sqrt(2 S) each, whose sum is least."""
+    gate, end = (0.5, 0.6), (1.7, 0.3)
+    fall = ao.solve(
+        ao.Problem(BRACHISTOCHRONE, REST, ao.Event(1, end), through=[ao.Event(None, gate)]),
+        tol=1e-10,
+    )
+    R, angle = roll(*gate)
+
+    def places(p):  # of a cycloid x0 + R (u - sin u), R (1 - cos u), from u0 to u1
+        x0, r, u0, u1 = p
+        return [
+            x0 + r * (u0 - np.sin(u0)) - gate[0],
+            r * (1 - np.cos(u0)) - gate[1],
+            x0 + r * (u1 - np.sin(u1)) - end[0],
+            r * (1 - np.cos(u1)) - end[1],
+        ]
+
+    _, r, u0, u1 = fsolve(places, [0.0, 0.4, 2.0, 5.0], xtol=1e-14)
+    both = np.sqrt(R) * angle + np.sqrt(r) * (u1 - u0)
+    assert abs(fall.action - both**2 / 2) < 1e-10
+    assert np.abs(fall.legs[0](0.0)).max() < 1e-15
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_an_atom_begins_where_its_potential_is_infinite(n):
+    """Griffiths, *Quantum Mechanics*, 4.2: 2 r exp(-r), and r (1 - r / 2) exp(-r / 2) / sqrt 2."""
+    exact = [
+        lambda r: 2 * r * np.exp(-r),
+        lambda r: r * (1 - r / 2) * np.exp(-r / 2) / np.sqrt(2),
+    ][n - 1]
+    problem = ao.Problem(radial_equation(0), ao.Event(0, [0]), ao.Event(60, [0]), integral=1.0)
+    state = ao.solve(problem, guess=lambda r: exact(1.02 * r)[None], tol=1e-10)
+    assert abs(state.action + 1 / (2 * n**2)) < 1e-12 and state.morse_index == n - 1
+    r = np.linspace(0, 60, 200)
+    assert np.abs(np.abs(state(r)[0]) - np.abs(exact(r))).max() < 1e-10
+    assert abs(abs(state.velocity(0.0)[0]) - [2, np.sqrt(0.5)][n - 1]) < 1e-9
+
+
+def test_where_inertia_vanishes_and_a_force_is_infinite():
+    """Bessel's equation: (t q')' = q / t - t q, q = J_1."""
+    system = ao.System(lambda q, v, t: t * (v[0] ** 2 - q[0] ** 2) / 2 + q[0] ** 2 / (2 * t), ["q"])
+    found = ao.solve(ao.Problem(system, ao.Event(0, [0]), ao.Event(1.5, [jv(1, 1.5)])), tol=1e-10)
+    t = np.linspace(0, 1.5, 30)
+    assert np.abs(found(t)[0] - jv(1, t)).max() < 1e-11
+
+
+def test_a_path_from_a_singular_place_is_kept_in_files(tmp_path):
+    fall = ao.solve(ao.Problem(BRACHISTOCHRONE, REST, ao.Event(1, [1, 0.7])))
+    fall.save(tmp_path / "fall.npz")
+    again = ao.load(tmp_path / "fall.npz", BRACHISTOCHRONE)
+    t = np.linspace(0, 1, 23)
+    assert (again(t) == fall(t)).all() and again.mesh.singular_ends == fall.mesh.singular_ends
+    assert (pickle.loads(pickle.dumps(fall))(t) == fall(t)).all()

@@ -66,6 +66,7 @@ def save(
         "relabel": getattr(problem.end, "relabel", None),
         **({} if problem.asked is None else {"asked": asked_of(problem)}),
         "tails": tails if any(tails) else None,
+        **({"singular": path.mesh.singular_ends} if any(path.mesh.singular_ends) else {}),
         **found,
     }
     arrays |= {"boundaries": path.mesh.boundaries, "degrees": np.array(path.mesh.degrees)}

@@ -160,8 +160,8 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
         )
     given = units
     units = tr.lengths if units is None else np.asarray(units, dtype=float)
-    q = Q[layout.node_of]
-    A, B, C, S = coefficients(problem, q, tr.velocities(q), tr.times)
+    q, v = tr.state(Q)
+    A, B, C, S = coefficients(problem, q, v, tr.times)
     if system.m:
         lam = np.concatenate([at.lam[:-1], at.lam[:1]]) if layout.closed else at.lam
         lam = _inner(at, lam)

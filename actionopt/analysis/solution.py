@@ -198,6 +198,8 @@ class Solution:
         found = []
         for a, b in pairwise([0, *inner.tolist(), mesh.elements]):
             part = Mesh(mesh.boundaries[a : b + 1], degrees[a:b])
+            start, end = mesh.singular_ends
+            part = part.with_singular_ends((start * (a == 0), end * (b == mesh.elements)))
             nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
             rates = self.path.velocities
             rates = None if rates is None else rates[:, nodes]

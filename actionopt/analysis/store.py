@@ -113,6 +113,8 @@ def _read(file: FilePath) -> Solution:
         )
     problem = Detached(about)
     mesh = Mesh(data["boundaries"], data["degrees"])
+    start, end = about.get("singular", mesh.singular_ends)  # no file of a regular path has them
+    mesh = mesh.with_singular_ends((int(start), int(end)))
     path, unknowns = Path(mesh, data["values"], data.get("rates")), None
     n, nodes = len(problem.coordinates), mesh.nodes.size
     shapes = [len(problem.start.q), len(problem.end.q), path.values.shape[0]]

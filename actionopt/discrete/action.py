@@ -34,6 +34,7 @@ from actionopt.discrete.nodal import Term, rest_action, terms
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal, ends_of
 from actionopt.tools.blas import by_each
+from actionopt.tools.lobatto import AT_REST
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
 
@@ -102,6 +103,7 @@ class Action:
         *,
         like: Action | ActionUnits | None = None,
     ) -> None:
+        mesh = mesh.with_singular_ends(problem.singular_ends)
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.order = problem.system.order  # that of the highest derivative in the Lagrangian
         self.nodal = terms(problem, mesh)
@@ -117,6 +119,8 @@ class Action:
         self.times = np.concatenate(
             [self.element_times(g.elements, mesh.nodes[g.nodes]) for g in layout.groups]
         )
+        at, beside = layout.unseen
+        self.times[at] = self.times[beside]
         self.half = mesh.lengths / 2
         self.halves = [self.half[g.elements][:, None, None] for g in layout.groups]
         weights = [
@@ -302,6 +306,9 @@ class Action:
         if self.problem.advance is not None:
             end = self.problem.closed_from(start)
         s = self.mesh.nodes_since / self.mesh.duration
+        if AT_REST in self.mesh.singular_ends:  # as fast as it can be that begins and ends there
+            begins, ends = (x == AT_REST for x in self.mesh.singular_ends)
+            s = s * s * (3 - 2 * s) if begins and ends else s * s if begins else s * (2 - s)
         return start + s[:, None] * (end - start)
 
     def _straight_through(self) -> Array:
@@ -420,7 +427,10 @@ class Action:
         """Return what L takes at the evaluations, `at` and `v`, of places (K, width)."""
         if self.order == 1:
             at = places[self.layout.node_of]
-            return at, self.velocities(at)
+            v, (ends, beside) = self.velocities(at), self.layout.unseen
+            if ends.size:  # what is there counts for nothing, but is to be finite
+                at[ends], v[ends] = at[beside], v[beside]
+            return at, v
         n = self.problem.system.n
         found = np.empty((self.layout.evaluations, (self.order + 1) * n))
         for k, (g, shape) in enumerate(zip(self.layout.groups, self.layout.shapes, strict=True)):

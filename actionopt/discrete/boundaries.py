@@ -44,7 +44,7 @@ def carry_boundaries(
         return mesh.moved(start, end)
     order = np.argsort(which)
     since = np.interp(b, b[which[order]], np.concatenate(times)[order])
-    return Mesh.over(start, end, since, mesh.degrees)
+    return Mesh.over(start, end, since, mesh.degrees, mesh.singular_ends)
 
 
 def with_boundaries(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:

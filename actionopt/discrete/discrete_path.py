@@ -56,6 +56,8 @@ class DiscretePath:
         The units are the coordinates' largest values on the way, or one where these are round-off,
         unless `lengths` (n,) are given.
         """
+        if path.mesh.singular_ends != problem.singular_ends:
+            path = path.on(path.mesh.with_singular_ends(problem.singular_ends))
         if lengths is None:
             largest = np.max(np.abs(path.values), axis=1)
             negligible = NEGLIGIBLE * largest.max()

@@ -153,6 +153,8 @@ class Balance:
                 ends = outer[b.elements], speeds[:, b.elements]
                 known = p, L[here].reshape(shape), rate[here].reshape(shape), u
                 off.append(_off_between(b.rule, b.half[:, 0], *known, *ends))
+                if b.singular:  # up to where L is infinite nothing is known
+                    off[-1][:, [end for end in (0, -1) if tr.mesh.singular_ends[end]]] = 0.0
             # Between elements velocities differ by the error of the path.
             means = (momenta[:, 1:, 0] + momenta[:, :-1, 1]) / 2
             steps = (speeds[:, 1:, 0] - speeds[:, :-1, 1]) * means

@@ -130,6 +130,7 @@ class Layout(MatrixLayout):
         self.groups = shape.groups
         self.evaluations = shape.groups[-1].span.stop
         self.node_of = np.concatenate([g.nodes.ravel() for g in self.groups])
+        self.unseen = self._find_unseen()
 
         self.width = system.order * n
         self.shapes = [element(g.rule.degree, system.order) for g in self.groups]
@@ -157,6 +158,17 @@ class Layout(MatrixLayout):
         if m:
             self._number_rows(in_force)
         self._bordered: dict[int, BorderedLayout] = {}
+
+    def _find_unseen(self) -> tuple[NDInt, NDInt]:
+        """Return the evaluations at open ends of elements, of no weight, and those next to them."""
+        found = []
+        for g in self.groups:
+            if any(g.rule.ends):  # one element
+                first, last = g.span.start, g.span.stop - 1
+                sides = (first, first + 1), (last, last - 1)
+                found += [pair for pair, out in zip(sides, g.rule.ends, strict=True) if out]
+        at, beside = np.array(found, dtype=np.intp).reshape(-1, 2).T
+        return at, beside
 
     def with_border(self, border: int) -> BorderedLayout:
         """Return that of such a matrix with so many unknowns and equations beside it."""
@@ -507,7 +519,14 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
     known, order = problem.system.layouts, problem.system.order
     ends = problem.start.pinned_places(order), problem.end.pinned_places(order)
     closed, partial = problem.closed_places, problem.in_force(mesh.boundaries, mesh.offsets)
-    key = (mesh.degrees, *ends, closed, nodal, None if partial is None else partial.tobytes())
+    key = (
+        mesh.degrees,
+        mesh.singular_ends,
+        *ends,
+        closed,
+        nodal,
+        None if partial is None else partial.tobytes(),
+    )
     inner: tuple[tuple[int, tuple[int, ...]], ...] = ()
     if problem.through:
         at = find_boundaries(mesh, np.array([e.t for e in problem.through])).tolist()

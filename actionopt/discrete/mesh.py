@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.tools.checks import number, numbers, whole
-from actionopt.tools.lobatto import Rule, lgl
+from actionopt.tools.lobatto import Rule, lgl, open_rule
 from actionopt.tools.types import Array, NDInt
 
 MAX_DEGREE = 64  # ad hoc; the slopes of a sine have still 12 digits there
@@ -51,6 +51,8 @@ class Mesh:
     since : (N + 1,) array
         The boundaries measured from the first of them. Far from zero, where times are rounded
         coarsely, an element may be shorter than `boundaries` can tell.
+    singular_ends : tuple of int
+        What the start and the end are: 0, or `lobatto.OPEN` or `AT_REST` where L is infinite.
 
     Raises
     ------
@@ -67,6 +69,7 @@ class Mesh:
     boundaries: Array
     degrees: tuple[int, ...]
     since: Array
+    singular_ends: tuple[int, int]
 
     def __init__(self, boundaries: ArrayLike, degrees: int | ArrayLike) -> None:
         times = numbers(boundaries, "the boundaries of a mesh")
@@ -77,7 +80,13 @@ class Mesh:
                 since[k + 1] = np.nextafter(since[k], np.inf)
         self._set(times, since, degrees)
 
-    def _set(self, boundaries: Array, since: Array, degrees: int | ArrayLike) -> None:
+    def _set(
+        self,
+        boundaries: Array,
+        since: Array,
+        degrees: int | ArrayLike,
+        singular_ends: tuple[int, int] = (0, 0),
+    ) -> None:
         """Set the attributes, read-only, and raise what the class raises."""
         if since.ndim != 1 or since.size < 2 or not np.isfinite(since).all():
             raise ValueError(
@@ -90,10 +99,11 @@ class Mesh:
             row.setflags(write=False)
             object.__setattr__(self, name, row)
         object.__setattr__(self, "degrees", _degrees(degrees, since.size - 1))
+        object.__setattr__(self, "singular_ends", singular_ends)
 
     def __reduce__(self) -> tuple:
         """Carry what the rest is made of."""
-        return _restore, (self.boundaries, self.since, self.degrees)
+        return _restore, (self.boundaries, self.since, self.degrees, self.singular_ends)
 
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""
@@ -115,18 +125,35 @@ class Mesh:
         return cls.over(start, end, since, degree)
 
     @staticmethod
-    def over(start: float, end: float, since: Array, degrees: int | ArrayLike) -> Mesh:
+    def over(
+        start: float,
+        end: float,
+        since: Array,
+        degrees: int | ArrayLike,
+        singular_ends: tuple[int, int] = (0, 0),
+    ) -> Mesh:
         """Return a mesh over [start, end] whose boundaries (N + 1,) are measured from `start`.
 
         They begin with 0 and end with the duration. Raises ValueError as the class does.
         """
         boundaries = start + since
         boundaries[-1] = end
-        return _restore(boundaries, np.array(since), degrees)
+        return _restore(boundaries, np.array(since), degrees, singular_ends)
 
     def cut(self, since: Array, degrees: int | ArrayLike) -> Mesh:
         """Return other elements over the same times; `since` as for `over`."""
-        return Mesh.over(self.boundaries[0], self.boundaries[-1], since, degrees)
+        return Mesh.over(
+            self.boundaries[0], self.boundaries[-1], since, degrees, self.singular_ends
+        )
+
+    def with_singular_ends(self, singular_ends: tuple[int, int]) -> Mesh:
+        """Return the same elements, the first and the last of them open at the ends that are."""
+        if singular_ends == self.singular_ends:
+            return self
+        degrees = np.array(self.degrees)
+        ends = [e for e, end in zip((0, -1), singular_ends, strict=True) if end]
+        degrees[ends] = np.maximum(degrees[ends], 2)
+        return _restore(self.boundaries, self.since, degrees, singular_ends)
 
     @property
     def elements(self) -> int:
@@ -167,15 +194,26 @@ class Mesh:
 
     @cached_property
     def groups(self) -> list[Group]:
-        """Elements of equal degree together."""
+        """Elements of equal degree together; those with an open end apart."""
         degrees, first = np.array(self.degrees), 0
+        kinds = [(lgl(d), np.flatnonzero(degrees == d)) for d in sorted(set(self.degrees))]
+        if any(self.singular_ends):
+            kinds = self._set_apart(kinds)
         result = []
-        for d in sorted(set(self.degrees)):
-            which = np.flatnonzero(degrees == d)
-            nodes = self.offsets[which][:, None] + np.arange(d + 1)
-            result.append(Group(lgl(d), which, nodes, slice(first, first + nodes.size)))
+        for rule, which in kinds:
+            nodes = self.offsets[which][:, None] + np.arange(rule.degree + 1)
+            result.append(Group(rule, which, nodes, slice(first, first + nodes.size)))
             first += nodes.size
         return result
+
+    def _set_apart(self, kinds: list[tuple[Rule, NDInt]]) -> list[tuple[Rule, NDInt]]:
+        """Return rules and elements, those with an open end taken out of the others."""
+        sides = np.zeros((self.elements, 2), dtype=int)
+        sides[0, 0], sides[-1, 1] = self.singular_ends
+        apart = np.flatnonzero(sides.any(axis=1))
+        inner = [(rule, np.setdiff1d(which, apart)) for rule, which in kinds]
+        found = [(open_rule(self.degrees[e], tuple(sides[e].tolist())), e) for e in apart]
+        return [(rule, np.array([e])) for rule, e in found] + [k for k in inner if k[1].size]
 
     def moved(self, start: float, end: float) -> Mesh:
         """Return the same mesh stretched affinely onto the times [start, end].
@@ -189,13 +227,18 @@ class Mesh:
         duration = end - start
         since = self.since * (duration / self.duration)
         since[-1] = duration
-        return Mesh.over(start, end, since, self.degrees)
+        return Mesh.over(start, end, since, self.degrees, self.singular_ends)
 
 
-def _restore(boundaries: Array, since: Array, degrees: int | ArrayLike) -> Mesh:
+def _restore(
+    boundaries: Array,
+    since: Array,
+    degrees: int | ArrayLike,
+    singular_ends: tuple[int, int] = (0, 0),
+) -> Mesh:
     """Return the mesh with these boundaries and distances (N + 1,), which are made read-only."""
     mesh = object.__new__(Mesh)
-    mesh._set(boundaries, since, degrees)
+    mesh._set(boundaries, since, degrees, singular_ends)
     return mesh
 
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.splines import make_ppoly, read_pieces
 from actionopt.tools.checks import numbers
+from actionopt.tools.lobatto import AT_REST
 from actionopt.tools.types import EPS, Array
 
 # A time that a user computes from the ends in a few operations may miss them by some spacings.
@@ -131,11 +132,26 @@ class Path:
     def on(self, mesh: Mesh) -> Path:
         """Return this curve interpolated on another mesh over the same times.
 
+        Where that has an end at rest and the curve has not, it is slowed down in the element there.
         Raises ValueError for anything but a mesh.
         """
         if not isinstance(mesh, Mesh):
             raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
-        return Path(mesh, self._since(self.values, 0, mesh.nodes_since))
+        since = mesh.nodes_since
+        for end, kind in enumerate(mesh.singular_ends):
+            if kind == AT_REST != self.mesh.singular_ends[end]:
+                since = self._slow_down(since, end, mesh.lengths[-end])
+        return Path(mesh, self._since(self.values, 0, since))
+
+    def _slow_down(self, since: Array, end: int, h: float) -> Array:
+        """Return times since the start, those within h of an end nearer to it if it moves there."""
+        at = (0.0, self.mesh.duration)[end]
+        way = self._since(self.values, 0, np.abs(at - np.array([0.0, h])))
+        rate = self._since(self.values, 1, np.array([at]))
+        if not np.abs(rate).max() * h > np.abs(np.diff(way)).max() / 2:
+            return since
+        u = np.minimum(np.abs(since - at) / h, 1.0)
+        return np.where(u < 1, np.abs(at - h * u * u * (2 - u)), since)
 
     def carried_on(self, since: Array, reach: float, order: int = 1) -> tuple[Array, Array]:
         """Return q and v (n, K) at times since the first, on the polynomials, also beyond the ends.
@@ -179,10 +195,12 @@ class Path:
         """Evaluate derivatives of increasing orders, (n, K) each."""
         b, groups = self.mesh.since, self.mesh.groups
         where = (np.searchsorted(b, flat, side="right") - 1).clip(0, self.mesh.elements - 1)
-        degrees = np.array(self.mesh.degrees)[where] if len(groups) > 1 else None
+        kinds = np.empty(self.mesh.elements, dtype=np.intp)
+        for k, g in enumerate(groups):
+            kinds[g.elements] = k
         results = [np.empty((values.shape[0], flat.size)) for _ in orders]
-        for g in groups:
-            mine = slice(None) if degrees is None else degrees == g.rule.degree
+        for k, g in enumerate(groups):
+            mine = slice(None) if len(groups) == 1 else kinds[where] == k
             e = where[mine]
             if e.size == 0:
                 continue
@@ -191,6 +209,8 @@ class Path:
             weights, order = g.rule.interpolation(xi), 0
             local = values[:, self.mesh.offsets[e][:, None] + np.arange(g.rule.degree + 1)]
             for wanted, result in zip(orders, results, strict=True):
+                if wanted and not order:
+                    weights, order = g.rule.slopes(xi) * (2 / h)[:, None], 1
                 while order < wanted:
                     weights, order = (weights @ g.rule.derivative) * (2 / h)[:, None], order + 1
                 result[:, mine] = np.einsum("nkj,kj->nk", local, weights)

@@ -45,6 +45,8 @@ class Batch:
         Parts of each element, or 0 for a few points between the nodes.
     times : (E points, 1) array
         The first one alone, (1, 1), where nothing depends on it.
+    singular : bool
+        Whether L is infinite at an end of them.
     """
 
     elements: NDInt
@@ -55,6 +57,7 @@ class Batch:
     own: Sampling
     panels: int
     times: Array
+    singular: bool
 
 
 def batches(tr: Action) -> list[Batch]:
@@ -79,7 +82,7 @@ def batches(tr: Action) -> list[Batch]:
                 times = times + (middle + half[which, 0] * rule.nodes)
                 times = tr.element_times(g.elements[which], times)[:, 0]
             where = g.elements[which], g.nodes[which], at[which].ravel(), half[which]
-            found.append(Batch(*where, rule, g.rule.same, p, times[:, None]))
+            found.append(Batch(*where, rule, g.rule.same, p, times[:, None], any(g.rule.ends)))
     return found
 
 
@@ -98,7 +101,9 @@ def quadrature_defect(
     whole = np.bincount(at, work, tr.layout.node_count * tr.layout.width)
     drift = 0.0
     structure = tr.problem.system.structure
-    if structure.samples and not structure.linear and tr.order == 1:
+    # Beside a singular end inertias and momenta are as large as one likes.
+    freed = tr.order == 1 and not any(tr.mesh.singular_ends)
+    if structure.samples and not structure.linear and freed:
         momenta = np.zeros((tr.mesh.elements, tr.problem.system.n))
         for b, work in works:
             momenta[b.elements] = work.sum(axis=1)
@@ -210,6 +215,9 @@ def _follow(
         ]
         moved = list(_evaluate(tr, batches, beside))
     for (b, (force, momentum)), here, mass, (_, v) in zip(moved, known, own, steps, strict=True):
+        if b.singular:  # what a motion gains there has no integral
+            yield b, here
+            continue
         momentum = momentum - v @ mass
         if not np.isfinite(force.sum() + momentum.sum()):  # nothing is known beyond the laws
             good = np.isfinite(force) & np.isfinite(momentum)

@@ -45,7 +45,10 @@ class PackedPaths:
         def row(parts: list[Array], kind: type) -> Array:
             return np.concatenate([np.zeros(0, kind), *parts])
 
-        meshes = [path.mesh for path in paths]
+        # Of elements with singular ends other polynomials, which are as near as the paths.
+        meshes = [path.mesh.with_singular_ends((0, 0)) for path in paths]
+        pairs = zip(paths, meshes, strict=True)
+        paths = [path if path.mesh is mesh else path.on(mesh) for path, mesh in pairs]
         return cls(
             np.asarray(members, dtype=int),
             np.array([mesh.boundaries[[0, -1]] for mesh in meshes]).reshape(-1, 2),

@@ -134,11 +134,11 @@ def solve_members(
 def has_more_than_path(problem: Problem) -> bool:
     """Whether more than a path is found of each member: a duration, a window, places, multipliers.
 
-    Or legs, or L contains accelerations. Then paths tell what was found, and members are solved
-    one by one.
+    Or legs, or L contains accelerations, or is infinite at an end. Then paths tell what was found,
+    and members are solved one by one.
     """
     found = problem.has_open_ends or problem.is_infinite
-    found = found or problem.system.order > 1
+    found = found or problem.system.order > 1 or any(problem.singular_ends)
     return bool(found or problem.through) or problem.integral is not None
 
 

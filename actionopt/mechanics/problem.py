@@ -30,6 +30,7 @@ from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.pulses import centres
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.scales import motion_of, scales_of
+from actionopt.mechanics.singular_ends import singular_ends
 from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
 from actionopt.tools.checks import by_name, entries, numbers
@@ -530,6 +531,11 @@ class Problem:
         clock = self.system.clock
         ends = self.start.t, self.end.t
         return () if clock is None else instants(clock, *ends, self.packed)
+
+    @cached_property
+    def singular_ends(self) -> tuple[bool, bool]:
+        """Whether L is infinite at the start, and at the end, whatever the velocity is."""
+        return singular_ends(self)
 
     @property
     def free(self) -> Problem:

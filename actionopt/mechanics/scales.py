@@ -56,7 +56,11 @@ def motion_of(problem: Any) -> tuple[Array, Array | None]:
         units = 1 / np.sqrt(inertia)  # as much kinetic energy in each
         size = np.where(close, _extents(problem, pairs, inertia), scales)
         natural = size / units
-        least = np.where(close, 1.0, ACCIDENTAL) * np.nanmax(natural[np.isfinite(natural)]) * units
+        least = (
+            np.where(close, 1.0, ACCIDENTAL)
+            * np.max(natural[np.isfinite(natural)], initial=0.0)
+            * units
+        )
     size = np.fmax(size, np.where(np.isfinite(least), least, 0.0))
     far = close & (size < SHORT_MOTION * scales) & (size > MOTIONLESS * scales)
     lengths = np.where(far | ~close, size, scales)

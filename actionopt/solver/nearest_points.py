@@ -96,7 +96,17 @@ def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple
             S, at = _line(fixed, like)
             like = None if problem.free_time else at.tr
             found.append((S, at.path, fixed, pair))
-    return [(fixed, path) for _, path, fixed, _ in sorted(found, key=lambda x: x[0])]
+    known = [x for x in found if np.isfinite(x[0])] or found
+    return [(fixed, path) for _, path, fixed, _ in sorted(known, key=lambda x: x[0])]
+
+
+def _has_inertia(at: DiscretePath) -> bool:
+    """Return whether no mass is negative along a path, if it is not the same everywhere."""
+    system = at.problem.system
+    if system.structure.constant_mass:
+        return True
+    row, col = system.pointwise("second").sparsity(2)
+    return not (at.tr.second(at.x)[2][:, row == col] < 0).any()
 
 
 def near(problem: Problem, directions: Array | None = None) -> list[Array]:
@@ -146,7 +156,7 @@ def _line(problem: Problem, like: Transcription | None) -> tuple[float, Discrete
         at = DiscretePath.of(fixed, Path(mesh, line(problem, mesh)))
     with np.errstate(all="ignore"):
         S = at.action + (problem.energy or 0.0) * T
-    return S if np.isfinite(S) else np.inf, at
+    return S if np.isfinite(S) and _has_inertia(at) else np.inf, at
 
 
 def _pair(problem: Problem, away: Array, size: Array) -> Array | None:

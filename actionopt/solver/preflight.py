@@ -11,12 +11,12 @@ import numpy as np
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.lengths import is_length
 from actionopt.mechanics.scales import first_state
+from actionopt.mechanics.singular_ends import nonfinite
 from actionopt.mechanics.system import System
 from actionopt.tools.types import RANK, Array
 
 # Ad hoc.
 CHECKED_POINTS = 3  # of the path; a defect shows at all of them
-CHECKED_VELOCITIES = 4  # at an event
 BESIDE_EVENT = 1e-3  # of the motion's size and of the duration: near an event, and not there
 
 
@@ -97,42 +97,25 @@ def _check_finite(tr: Transcription, Q: Array) -> None:
 def _check_events(tr: Transcription, Q: Array) -> None:
     """Raise ValueError if L, its derivatives or Q are infinite at an event at every velocity."""
     problem, nodes = tr.problem, tr.mesh.nodes
-    n, first = problem.system.n, problem.system.pointwise("first")
-    force = problem.system.pointwise("force") if problem.system.structure.forced else None
-    rates = tr.lengths / problem.duration
-    waves = np.cos(np.arange(1.0, 1 + CHECKED_VELOCITIES * n)).reshape(CHECKED_VELOCITIES, n)
-    v = waves * rates * np.logspace(0, -6, CHECKED_VELOCITIES)[:, None]  # some stay below a limit
+    n, rates = problem.system.n, tr.lengths / problem.duration
 
-    def nonfinite(q: Array, t: float) -> str:
-        """Return what is not finite there at any velocity, if anything is."""
-        at = np.repeat(q[None], CHECKED_VELOCITIES, axis=0)
-        known = first_state(problem.system, at, v)
-        state = *known, np.full((CHECKED_VELOCITIES, 1), t), problem.packed
-        values = first(*state)[::-1] + (force(*state) if force else [])
-        finite = [np.isfinite(x).all(axis=1) for x in values]
-        if np.logical_and.reduce(finite).any():
-            return ""
-        names = ("L", "dL/dv", "dL/dq", "the force")[: len(values)]
-        return next((x for x, good in zip(names, finite, strict=True) if not good.any()), "L")
+    def at(q: Array, t: float) -> str:
+        return nonfinite(problem, q, t, rates)
 
     for k, role, event in ((0, "start", problem.start), (-1, "end", problem.end)):
-        what = nonfinite(Q[k], nodes[k])
-        if not what:
+        what = at(Q[k], nodes[k])
+        if not what or problem.singular_ends[k]:  # the path may be regular there all the same
             continue
         beside = tr.mesh.duration * BESIDE_EVENT * (1 if k == 0 else -1)
-        where = [f"t = {event.t:g}"] if not nonfinite(Q[k], nodes[k] + beside) else []
+        where = [f"t = {event.t:g}"] if not at(Q[k], nodes[k] + beside) else []
         for i in event.pinned:
             name = problem.system.coordinates[i]
             step = np.where(np.arange(n) == i, BESIDE_EVENT * tr.lengths, 0.0)
-            if not (nonfinite(Q[k] + step, nodes[k]) and nonfinite(Q[k] - step, nodes[k])):
+            if not (at(Q[k] + step, nodes[k]) and at(Q[k] - step, nodes[k])):
                 where.append(f"{name} = {Q[k, i]:g}")
         if not where:  # nor is it beside the event
             around = [Q[k] + sign * BESIDE_EVENT * tr.lengths for sign in (1, -1)]
-            if (
-                what == "L"
-                or len(event.pinned) < n
-                or not all(nonfinite(q, nodes[k]) for q in around)
-            ):
+            if what == "L" or len(event.pinned) < n or not all(at(q, nodes[k]) for q in around):
                 continue
             raise ValueError(
                 f"expected a Lagrangian whose derivatives are finite at the {role} event, found "

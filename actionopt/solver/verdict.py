@@ -59,6 +59,13 @@ def message_of(solution: Solution, tol: float, hint: str = "", reason: str = "")
             f"; {problem.system.coordinates[i]} is about {size:.3g} and known to "
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
+    if not status.success and any(problem.singular_ends):
+        roles = [x for x, end in zip(("start", "end"), problem.singular_ends, strict=True) if end]
+        hint += (
+            f"; L is not finite at the {' and the '.join(roles)}, whatever the velocity: put the "
+            "event a little beside (`trace` may then follow the path towards it), or use "
+            "coordinates in which the place is regular"
+        )
     if status is Status.NOT_FOUND and not is_there():
         hint += f"; {ABSENT}, which finds some paths that nothing else does"
     return f"{problem.name}: {verdict} ({figures}){hint}"

@@ -302,7 +302,10 @@ class Workspace(Generic[Place]):
 
     def with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch, if it is not the user's."""
-        instants = self.problem.boundaries
+        instants, mesh = (
+            self.problem.boundaries,
+            mesh.with_singular_ends(self.problem.singular_ends),
+        )
         if self.refines:
             mesh = with_degrees(mesh, self.problem.system.order)
         return with_boundaries(mesh, instants) if self.refines and instants else mesh

@@ -146,6 +146,9 @@ class Rule:
         D[k, j] = l_j'(xi_k) for the Lagrange polynomials l_j.
     to_legendre : (d + 1, d + 1) array
         Maps nodal values to the coefficients of P_0 ... P_d.
+    ends : tuple of int
+        Which ends are nodes of the polynomials alone: what is summed is not looked at there
+        (`open_rule`).
     """
 
     degree: int
@@ -154,6 +157,7 @@ class Rule:
     barycentric: Array
     derivative: Array
     to_legendre: Array
+    ends: tuple[int, int] = (0, 0)
 
     @cached_property
     def weighted_derivative(self) -> Array:
@@ -197,12 +201,19 @@ class Rule:
 
     def _sample(self, nodes: Array, weights: Array, panels: int = 1) -> Sampling:
         values = self.interpolation(nodes)
-        slopes = values @ self.derivative
+        slopes = self.slopes(nodes)
         weighted = values.T * weights, slopes.T * weights
         return Sampling(nodes, weights, values, slopes, *weighted, panels)
 
     def interpolation(self, xi: Array) -> Array:
         """Return the matrix (K, d + 1) that maps nodal values to values at the K points `xi`."""
+        return self._barycentric(xi)
+
+    def slopes(self, xi: Array) -> Array:
+        """Return the matrix (K, d + 1) of derivatives there, by nodal values."""
+        return self._barycentric(xi) @ self.derivative  # which are of degree d at most
+
+    def _barycentric(self, xi: Array) -> Array:
         gap = xi[:, None] - self.nodes
         exact = gap == 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -266,3 +277,69 @@ def lgl(degree: int) -> Rule:
     norm = 2.0 / (2 * np.arange(d + 1) + 1)
     norm[d] = 2.0 / d
     return Rule(d, x, w, b, D, p * w / norm[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class OpenRule(Rule):
+    """A rule that looks at nothing at an open end, and whose polynomials may begin at rest there.
+
+    They are of a degree d + 1, or d + 2, where an end is at rest.
+    """
+
+    def interpolation(self, xi: Array) -> Array:
+        """Return what `Rule.interpolation` does."""
+        if AT_REST not in self.ends:
+            return super().interpolation(xi)
+        return legendre(len(self.to_legendre) - 1, xi).T @ self.to_legendre
+
+    @cached_property
+    def other(self) -> Sampling:
+        """Sums over other points, none of them at an end."""
+        return self._sample(*np.polynomial.legendre.leggauss(self.degree + EXTRA_DEGREES))
+
+
+# What an end of a rule may be: one that is summed, one that is not, and one at rest besides.
+CLOSED, OPEN, AT_REST = range(3)
+
+
+@cache
+def open_rule(degree: int, ends: tuple[int, int]) -> OpenRule:
+    """Return the rule with d + 1 nodes that sums over those alone that are at no open end.
+
+    The others are Radau's points, or Gauss's where both ends are open: what is infinite at an end
+    of an element has weight zero there, and is never asked for. Exact to degree 2 d - 2, or
+    2 d - 3. Where the inertia is infinite at an end, momenta grow as 1 / t, and p dq vanishes there
+    for variations at rest alone: so are all polynomials, AT_REST.
+
+    References
+    ----------
+    Canuto, Hussaini, Quarteroni, Zang (2006), section 2.3.1; Garg et al., *Automatica* 46 (2010)
+    1843, whose unknowns are these.
+    """
+    out = [end != CLOSED for end in ends]
+    inner = degree + 1 - sum(out)
+    if inner < 1:
+        raise ValueError(f"expected a degree of 2 at least between two open ends, found {degree}")
+    if all(out):
+        x, _ = np.polynomial.legendre.leggauss(inner)
+    else:  # P_d - P_(d - 1) vanishes at Radau's points with the end 1, P_d + P_(d - 1) with -1
+        series = np.append(np.zeros(inner - 1), [1.0 if out[1] else -1.0, 1.0])
+        x = np.sort(np.polynomial.legendre.legroots(series).real)
+        slope = np.polynomial.legendre.legder(series)
+        for _ in range(5):
+            x -= np.polynomial.legendre.legval(x, series) / np.polynomial.legendre.legval(x, slope)
+        x[0 if out[1] else -1] = -1.0 if out[1] else 1.0
+    w = np.linalg.solve(legendre(inner - 1, x), 2.0 * np.eye(inner)[0])
+    x, w = np.pad(x, np.array(out, dtype=int)), np.pad(w, np.array(out, dtype=int))
+    x[0], x[-1] = -1.0, 1.0
+    gap = x[:, None] - x
+    np.fill_diagonal(gap, 1.0)
+    b = 1.0 / gap.prod(axis=1)
+    at_rest = [k for k, end in zip((-1.0, 1.0), ends, strict=True) if end == AT_REST]
+    P = np.eye(degree + 1 + len(at_rest))
+    slopes = np.polynomial.legendre.legder(P.T)
+    rows = [legendre(len(P) - 1, x).T, np.polynomial.legendre.legval(at_rest, slopes).T]
+    to_legendre = np.linalg.inv(np.concatenate(rows))[:, : degree + 1]
+    D = np.polynomial.legendre.legval(x, slopes).T @ to_legendre
+    np.fill_diagonal(D, D.diagonal() - D.sum(axis=1))
+    return OpenRule(degree, x, w, b / np.max(np.abs(b)), D, to_legendre, ends)
