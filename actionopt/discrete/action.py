@@ -34,7 +34,7 @@ from actionopt.discrete.nodal import Term, rest_action, terms
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal, ends_of
 from actionopt.tools.blas import by_each
-from actionopt.tools.lobatto import AT_REST
+from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
 
@@ -306,8 +306,8 @@ class Action:
         if self.problem.advance is not None:
             end = self.problem.closed_from(start)
         s = self.mesh.nodes_since / self.mesh.duration
-        if AT_REST in self.mesh.singular_ends:  # as fast as it can be that begins and ends there
-            begins, ends = (x == AT_REST for x in self.mesh.singular_ends)
+        if RESTING in self.mesh.singular_ends:  # as fast as it can be that begins and ends there
+            begins, ends = (x == RESTING for x in self.mesh.singular_ends)
             s = s * s * (3 - 2 * s) if begins and ends else s * s if begins else s * (2 - s)
         return start + s[:, None] * (end - start)
 

@@ -52,7 +52,7 @@ class Mesh:
         The boundaries measured from the first of them. Far from zero, where times are rounded
         coarsely, an element may be shorter than `boundaries` can tell.
     singular_ends : tuple of int
-        What the start and the end are: 0, or `lobatto.OPEN` or `AT_REST` where L is infinite.
+        What the start and the end are: 0, or `lobatto.OPEN` or `RESTING` where L is infinite.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.splines import make_ppoly, read_pieces
 from actionopt.tools.checks import numbers
-from actionopt.tools.lobatto import AT_REST
+from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import EPS, Array
 
 # A time that a user computes from the ends in a few operations may miss them by some spacings.
@@ -139,7 +139,7 @@ class Path:
             raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
         since = mesh.nodes_since
         for end, kind in enumerate(mesh.singular_ends):
-            if kind == AT_REST != self.mesh.singular_ends[end]:
+            if kind == RESTING != self.mesh.singular_ends[end]:
                 since = self._slow_down(since, end, mesh.lengths[-end])
         return Path(mesh, self._since(self.values, 0, since))
 
@@ -195,12 +195,15 @@ class Path:
         """Evaluate derivatives of increasing orders, (n, K) each."""
         b, groups = self.mesh.since, self.mesh.groups
         where = (np.searchsorted(b, flat, side="right") - 1).clip(0, self.mesh.elements - 1)
-        kinds = np.empty(self.mesh.elements, dtype=np.intp)
-        for k, g in enumerate(groups):
-            kinds[g.elements] = k
+        kinds = where  # the group of each time
+        if len(groups) > 1:
+            known = np.empty(self.mesh.elements, dtype=np.intp)
+            for k, g in enumerate(groups):
+                known[g.elements] = k
+            kinds = known[where]
         results = [np.empty((values.shape[0], flat.size)) for _ in orders]
         for k, g in enumerate(groups):
-            mine = slice(None) if len(groups) == 1 else kinds[where] == k
+            mine = slice(None) if len(groups) == 1 else kinds == k
             e = where[mine]
             if e.size == 0:
                 continue

@@ -17,18 +17,20 @@ from actionopt.mechanics.switches import narrowness
 from actionopt.tools.types import Array
 
 # Ad hoc.
-VELOCITIES = 4  # at an event
-POWERS = (1, 2, 3)  # of the time, with which a smooth path may leave
-NEARER = np.array([1e-2, 1e-3, 1e-6])  # parts of the duration until then
-GROWTH = 3.0  # from the first of these to the last, of what stays finite: 1 / sqrt(t) grows by 100
-BESIDE = 1e-3  # of the coordinates' sizes and of the duration: near an event, and not there
+CHECKED_VELOCITIES = 4  # at an event
+LEAVING_POWERS = (1, 2, 3)  # of the time, with which a smooth path may leave
+LEAVING_PARTS = np.array([1e-2, 1e-3, 1e-6])  # parts of the duration until then
+FINITE_GROWTH = (
+    3.0  # from the first of these to the last, of what stays finite: 1 / sqrt(t) grows by 100
+)
+BESIDE_EVENT = 1e-3  # of the coordinates' sizes and of the duration: near an event, and not there
 
 
 def singular_ends(problem: Any) -> tuple[int, int]:
     """Return what the start and the end are: 0 where L and its derivatives are finite.
 
     Where they are not, at any velocity, and all coordinates are given: 1, or 2 where the inertia is
-    infinite in all directions, and the path at rest (`lobatto.OPEN`, `AT_REST`).
+    infinite in all directions, and the path at rest (`lobatto.OPEN`, `RESTING`).
     """
     system = problem.system
     if system.order > 1 or not system.memoize("may be infinite", lambda: _may_diverge(system)):
@@ -50,9 +52,11 @@ def _kind(problem: Any, event: Any) -> int:
     if not nonfinite(problem, q, event.t, rates):
         return 0
     inward = 1 if event is problem.start else -1
-    beside = [(q, event.t + inward * BESIDE * (1.0 if problem.free_time else problem.duration))]
-    beside += [(q + step, event.t) for step in BESIDE * np.diag(problem.scales)]
-    beside += [(q - step, event.t) for step in BESIDE * np.diag(problem.scales)]
+    beside = [
+        (q, event.t + inward * BESIDE_EVENT * (1.0 if problem.free_time else problem.duration))
+    ]
+    beside += [(q + step, event.t) for step in BESIDE_EVENT * np.diag(problem.scales)]
+    beside += [(q - step, event.t) for step in BESIDE_EVENT * np.diag(problem.scales)]
     if all(nonfinite(problem, *place, rates) for place in beside):
         return 0  # it overflows
     at = q[None], rates[None], np.array([[event.t]]), problem.packed
@@ -61,7 +65,7 @@ def _kind(problem: Any, event: Any) -> int:
         rests = not np.isfinite(inertia).any()
         smooth = any(
             _stays_finite(problem, q, event.t, inward, power, direction, force=not rests)
-            for power in POWERS[rests:]
+            for power in LEAVING_POWERS[rests:]
             for direction in _directions(problem.scales)
         )
     return (1 + rests) * smooth
@@ -83,11 +87,11 @@ def _stays_finite(
     At rest forces are infinite that are balanced by momenta.
     """
     T = 1.0 if problem.free_time else problem.duration
-    s = NEARER[:, None]
+    s = LEAVING_PARTS[:, None]
     at = q + direction * s**power, inward * power * direction / T * s ** (power - 1)
     Lq, _, L = problem.system.pointwise("first")(*at, t + inward * T * s, problem.packed)
     return all(
-        np.isfinite(x).all() and (np.abs(x[-1]) <= GROWTH * np.abs(x[0]).max()).all()
+        np.isfinite(x).all() and (np.abs(x[-1]) <= FINITE_GROWTH * np.abs(x[0]).max()).all()
         for x in ((L, Lq) if force else (L,))
     )
 
@@ -98,10 +102,10 @@ def nonfinite(problem: Any, q: Array, t: float, rates: Array) -> str:
     Of L, its derivatives and the force; velocities are of the size of `rates` (n,), and smaller.
     """
     system, n = problem.system, problem.system.n
-    waves = np.cos(np.arange(1.0, 1 + VELOCITIES * n)).reshape(VELOCITIES, n)
-    v = waves * rates * np.logspace(0, -6, VELOCITIES)[:, None]  # some stay below a limit
-    known = first_state(system, np.repeat(q[None], VELOCITIES, axis=0), v)
-    state = *known, np.full((VELOCITIES, 1), t), problem.packed
+    waves = np.cos(np.arange(1.0, 1 + CHECKED_VELOCITIES * n)).reshape(CHECKED_VELOCITIES, n)
+    v = waves * rates * np.logspace(0, -6, CHECKED_VELOCITIES)[:, None]  # some stay below a limit
+    known = first_state(system, np.repeat(q[None], CHECKED_VELOCITIES, axis=0), v)
+    state = *known, np.full((CHECKED_VELOCITIES, 1), t), problem.packed
     with np.errstate(all="ignore"):
         values = system.pointwise("first")(*state)[::-1]
         if system.structure.forced:

@@ -11,13 +11,12 @@ import numpy as np
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.lengths import is_length
 from actionopt.mechanics.scales import first_state
-from actionopt.mechanics.singular_ends import nonfinite
+from actionopt.mechanics.singular_ends import BESIDE_EVENT, nonfinite
 from actionopt.mechanics.system import System
 from actionopt.tools.types import RANK, Array
 
 # Ad hoc.
 CHECKED_POINTS = 3  # of the path; a defect shows at all of them
-BESIDE_EVENT = 1e-3  # of the motion's size and of the duration: near an event, and not there
 
 
 def check(tr: Transcription, Q: Array) -> None:

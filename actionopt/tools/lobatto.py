@@ -288,7 +288,7 @@ class OpenRule(Rule):
 
     def interpolation(self, xi: Array) -> Array:
         """Return what `Rule.interpolation` does."""
-        if AT_REST not in self.ends:
+        if RESTING not in self.ends:
             return super().interpolation(xi)
         return legendre(len(self.to_legendre) - 1, xi).T @ self.to_legendre
 
@@ -299,7 +299,7 @@ class OpenRule(Rule):
 
 
 # What an end of a rule may be: one that is summed, one that is not, and one at rest besides.
-CLOSED, OPEN, AT_REST = range(3)
+CLOSED, OPEN, RESTING = range(3)
 
 
 @cache
@@ -309,7 +309,7 @@ def open_rule(degree: int, ends: tuple[int, int]) -> OpenRule:
     The others are Radau's points, or Gauss's where both ends are open: what is infinite at an end
     of an element has weight zero there, and is never asked for. Exact to degree 2 d - 2, or
     2 d - 3. Where the inertia is infinite at an end, momenta grow as 1 / t, and p dq vanishes there
-    for variations at rest alone: so are all polynomials, AT_REST.
+    for variations at rest alone: so are all polynomials, RESTING.
 
     References
     ----------
@@ -335,7 +335,7 @@ def open_rule(degree: int, ends: tuple[int, int]) -> OpenRule:
     gap = x[:, None] - x
     np.fill_diagonal(gap, 1.0)
     b = 1.0 / gap.prod(axis=1)
-    at_rest = [k for k, end in zip((-1.0, 1.0), ends, strict=True) if end == AT_REST]
+    at_rest = [k for k, end in zip((-1.0, 1.0), ends, strict=True) if end == RESTING]
     P = np.eye(degree + 1 + len(at_rest))
     slopes = np.polynomial.legendre.legder(P.T)
     rows = [legendre(len(P) - 1, x).T, np.polynomial.legendre.legval(at_rest, slopes).T]
