@@ -223,6 +223,8 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
         reason = f"the motion cannot be begun: {error}"
         rows = np.ones(flow.system.n + flow.system.m)
     t = (mesh if motion is None else motion.path.mesh).nodes
+    out = [bool(end) for end in mesh.singular_ends]  # no acceleration is known there
+    t = t[out[0] : t.size - out[1]]
     q, v = solution(t), solution.velocity(t)
     units = _units(q, v, rows, span)
     sizes = units.q[:count]

@@ -241,6 +241,7 @@ def _check_physics(fresh: Solution, found: Solution) -> None:
     if not found.success:
         return
     p = np.abs(fresh.momentum(fresh.mesh.nodes))
+    p = np.where(np.isfinite(p), p, 0.0)  # infinite ones say nothing of the others' sizes
     tr = fresh.discrete.tr
     units = np.maximum(np.max(p, axis=1), tr.action_unit / tr.place_units)
     speeds = _speeds(fresh)

@@ -126,7 +126,10 @@ def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
     shares = np.zeros(tr.mesh.elements)
     for b, values in _values(tr, x, batches):
         for e, work in zip(b.elements.tolist(), _work(tr, b, *values), strict=True):
-            shares[e] = np.abs((work - here[e]) * unit).max()
+            off = np.abs((work - here[e]) * unit)
+            if b.singular:  # where a force is infinite that works on no variation
+                off[[end for end in (0, -1) if tr.mesh.singular_ends[end]]] = 0.0
+            shares[e] = off.max()
     return np.maximum(shares, missed_action(tr, batches, x))
 
 
@@ -165,7 +168,7 @@ def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
     if not tr.problem.system.structure.smooth or tr.order > 1:
         return found
     for batch, values in _sample(tr, x, batches):
-        if batch.panels < CUT_PARTS:
+        if batch.panels < CUT_PARTS or batch.singular:
             continue
         hidden = _omitted_detail(tr, x, batch, values)
         for e, panels in zip(batch.elements, hidden, strict=True):

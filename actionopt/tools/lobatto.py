@@ -7,7 +7,7 @@ good to 1e-12 is good to 1e-10 only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -268,38 +268,62 @@ def lgl(degree: int) -> Rule:
     # For LGL points the barycentric weight is proportional to 1 / P_d(xi).
     b = 1.0 / p[d]
     b /= np.max(np.abs(b))
-    gap = x[:, None] - x
-    np.fill_diagonal(gap, 1.0)
-    D = (b / b[:, None]) / gap
-    np.fill_diagonal(D, 0.0)
-    np.fill_diagonal(D, -D.sum(axis=1))  # rows sum to zero: constants have no velocity
+    D = _differentiation(x, b)
     # Discrete orthogonality: sum_k w_k P_i P_j = 2/(2i + 1), except 2/d for i = j = d.
     norm = 2.0 / (2 * np.arange(d + 1) + 1)
     norm[d] = 2.0 / d
     return Rule(d, x, w, b, D, p * w / norm[:, None])
 
 
+# What an end of a rule may be: one that is summed, one that is not, and one at rest besides.
+CLOSED, OPEN, RESTING = range(3)
+
+
 @dataclass(frozen=True, eq=False)
 class OpenRule(Rule):
     """A rule that looks at nothing at an open end, and whose polynomials may begin at rest there.
 
-    They are of a degree d + 1, or d + 2, where an end is at rest.
+    These are of a degree more for each end at rest: q = sum_k q_k (l_k - sum_e l_k'(e) B_e), where
+    B_e vanishes at all nodes, and has the slope one at e and none at the other end at rest.
     """
 
     def interpolation(self, xi: Array) -> Array:
         """Return what `Rule.interpolation` does."""
-        if RESTING not in self.ends:
-            return super().interpolation(xi)
-        return legendre(len(self.to_legendre) - 1, xi).T @ self.to_legendre
+        return super().interpolation(xi) - self._bubbles(xi)[0] @ self._end_slopes
+
+    def slopes(self, xi: Array) -> Array:
+        """Return what `Rule.slopes` does."""
+        plain = self._barycentric(xi) @ _differentiation(self.nodes, self.barycentric)
+        return plain - self._bubbles(xi)[1] @ self._end_slopes
 
     @cached_property
     def other(self) -> Sampling:
         """Sums over other points, none of them at an end."""
         return self._sample(*np.polynomial.legendre.leggauss(self.degree + EXTRA_DEGREES))
 
+    @cached_property
+    def _at_rest(self) -> list[int]:
+        return [k for k, end in zip((0, -1), self.ends, strict=True) if end == RESTING]
 
-# What an end of a rule may be: one that is summed, one that is not, and one at rest besides.
-CLOSED, OPEN, RESTING = range(3)
+    @cached_property
+    def _end_slopes(self) -> Array:
+        """The slopes l_k'(e) at the ends at rest, (r, d + 1)."""
+        return _differentiation(self.nodes, self.barycentric)[self._at_rest]
+
+    def _bubbles(self, xi: Array) -> tuple[Array, Array]:
+        """Return B_e and its slope at the points, (K, r) each."""
+        values, slopes = np.empty((2, xi.size, len(self._at_rest)))
+        gap = xi[:, None] - self.nodes
+        product = gap.prod(axis=1)
+        rate = sum(np.delete(gap, k, axis=1).prod(axis=1) for k in range(self.nodes.size))
+        for i, k in enumerate(self._at_rest):
+            size = np.prod(np.delete(self.nodes[k] - self.nodes, k))
+            line, tilt = np.ones(xi.size), 0.0
+            if len(self._at_rest) > 1:
+                line, tilt = (1 + xi * self.nodes[k]) / 2, self.nodes[k] / 2
+            values[:, i] = product * line / size
+            slopes[:, i] = (rate * line + product * tilt) / size
+        return values, slopes
 
 
 @cache
@@ -335,11 +359,21 @@ def open_rule(degree: int, ends: tuple[int, int]) -> OpenRule:
     gap = x[:, None] - x
     np.fill_diagonal(gap, 1.0)
     b = 1.0 / gap.prod(axis=1)
-    at_rest = [k for k, end in zip((-1.0, 1.0), ends, strict=True) if end == RESTING]
-    P = np.eye(degree + 1 + len(at_rest))
-    slopes = np.polynomial.legendre.legder(P.T)
-    rows = [legendre(len(P) - 1, x).T, np.polynomial.legendre.legval(at_rest, slopes).T]
-    to_legendre = np.linalg.inv(np.concatenate(rows))[:, : degree + 1]
-    D = np.polynomial.legendre.legval(x, slopes).T @ to_legendre
-    np.fill_diagonal(D, D.diagonal() - D.sum(axis=1))
-    return OpenRule(degree, x, w, b / np.max(np.abs(b)), D, to_legendre, ends)
+    b /= np.max(np.abs(b))
+    rest = np.array([-1.0, 1.0])[[end == RESTING for end in ends]]
+    P = np.eye(degree + 1 + rest.size)
+    slopes = np.polynomial.legendre.legval(rest, np.polynomial.legendre.legder(P.T))
+    rows = np.concatenate([legendre(len(P) - 1, x), slopes], axis=1)
+    to_legendre = np.linalg.inv(rows.T)[:, : degree + 1]
+    rule = OpenRule(degree, x, w, b, np.empty((0, 0)), to_legendre, ends)
+    return replace(rule, derivative=rule.slopes(x))
+
+
+def _differentiation(x: Array, b: Array) -> Array:
+    """Return the slopes l_j'(x_k) of Lagrange's polynomials of nodes with barycentric weights."""
+    gap = x[:, None] - x
+    np.fill_diagonal(gap, 1.0)
+    D = (b / b[:, None]) / gap
+    np.fill_diagonal(D, 0.0)
+    np.fill_diagonal(D, -D.sum(axis=1))  # rows sum to zero: constants have no velocity
+    return D
