@@ -264,6 +264,58 @@ def test_a_jump_beside_a_switch_of_the_clock():
     assert solved(abs) is ao.Status.SOLVED
 
 
+@pytest.mark.parametrize(
+    ("duration", "a", "b", "height", "place", "tol"),
+    [
+        (20.0, -1.0, 1.0, 1e-8, 0.0, 1e-6),
+        (10.2, -0.7, 1.1, -6e-7, 0.0, 1e-4),
+        (19.5, -0.9, 0.8, 6e-10, -4e-5, 1e-5),
+    ],
+)
+def test_a_low_step_matters_where_the_path_is_slow(duration, a, b, height, place, tol):
+    """Past an unstable rest, q'' = q: of both parts the energy differs by the step."""
+
+    def velocities(x, y, time):
+        return (y - x * np.cosh(time)) / np.sinh(time), (y * np.cosh(time) - x) / np.sinh(time)
+
+    def surplus(time):
+        before, after = velocities(a, place, time)[1], velocities(place, b, duration - time)[0]
+        return before**2 / 2 - after**2 / 2 - height
+
+    low, high = 0.02 * duration, 0.98 * duration
+    for _ in range(60):  # the sooner there, the faster before and the slower after
+        time = (low + high) / 2
+        low, high = (time, high) if surplus(time) > 0 else (low, time)
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - height / 2 * np.tanh((q[0] - place) / 1e-9),
+        ["x"],
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [a]), ao.Event(duration, [b]))
+    path = ao.solve(problem, tol=tol, throw=False)
+    t = np.linspace(0.0, duration, 301)
+    left, right = np.sinh(np.minimum(t, time)), np.sinh(np.maximum(t - time, 0.0))
+    before = (a * np.sinh(np.maximum(time - t, 0.0)) + place * left) / np.sinh(time)
+    rest = np.minimum(duration - t, duration - time)
+    after = (place * np.sinh(rest) + b * right) / np.sinh(duration - time)
+    off = np.abs(path(t)[0] - np.where(t < time, before, after)).max()
+    assert not path.success or off <= path.error * max(-a, b) + 1e-8
+    assert path.success or path.error > tol
+
+
+def test_a_low_step_matters_next_to_a_turning_point():
+    """A ball that is thrown up is slow where it turns, and loses momentum to a step twice."""
+    duration, place, height = 1.9954601680180326, 0.49773266026831936, 0.0009347920570877994
+    system = ao.System(
+        lambda q, v, t: (
+            v[0] ** 2 / 2 - q[0] - height / 2 * np.tanh((q[0] - place) / 7.764481725098049e-12)
+        ),
+        ["x"],
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(duration, [0.0]))
+    path = ao.solve(problem, tol=1e-7, throw=False)
+    assert not path.success  # on the parabola, which is a path without the step
+
+
 @pytest.mark.slow
 def test_a_step_that_no_node_meets():
     """It is solved where it bends the path little, and else said to be too narrow."""

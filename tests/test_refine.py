@@ -42,6 +42,33 @@ def test_ends_that_are_conjugate_are_told():
     assert refine(ws, 1e-8, least=False) is Status.DEGENERATE
 
 
+@pytest.mark.parametrize("amplitude", [1e-6, 1e-8])
+def test_a_small_motion_far_from_zero_between_conjugate_ends(amplitude):
+    """Half a period about q = 5: what round-off is amplified to is little beside 5."""
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - 9 * (q[0] - 5) ** 2 / 2, ["q"])
+    start, end = ao.Event(0.0, [5 + amplitude]), ao.Event(np.pi / 3, [5 - amplitude])
+    found = ao.solve(ao.Problem(system, start, end), throw=False)
+    assert found.status is ao.Status.DEGENERATE and found.kind == "degenerate"
+    end = ao.Event(1.0, [5 - amplitude])
+    found = ao.solve(ao.Problem(system, start, end))
+    assert found.kind == "minimum"
+    t = np.linspace(0.0, 1.0, 11)
+    known = 5 + amplitude * np.sin(1.5 - 3 * t) / np.sin(1.5)
+    assert found(t)[0] == pytest.approx(known, abs=1e-9 * amplitude + 1e-14)
+
+
+def test_no_small_error_is_told_of_what_is_not_resolved():
+    """q'' = |t - c|^(-1/2): the sums of the force hold at last, whatever they leave out."""
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] / np.sqrt(abs(t - 0.4321)), ["q"])
+    problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
+    t = np.linspace(0.0, 1.0, 101)
+    own, ends = (4 / 3 * np.abs(x - 0.4321) ** 1.5 for x in (t, np.array([0.0, 1.0])))
+    known = own - ends[0] * (1 - t) + (1 - ends[1]) * t
+    found = ao.solve(problem, tol=1e-8, throw=False)
+    assert np.abs(found(t)[0] - known).max() <= found.error
+    assert found.success == (found.error <= 1e-8)
+
+
 @pytest.mark.parametrize("c", a_quarter([0.45, 0.25]))
 def test_a_pole_of_the_force_in_time_leaves_no_family_of_paths(c):
     """A free body that is pushed has one path between any ends, however the push is rounded."""

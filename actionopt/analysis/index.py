@@ -114,6 +114,8 @@ def inertia(
     """
     if at.problem.touches:
         return _on_its_mesh(at, at.tr, at.z, tolerance_of(error))
+    if at.problem.system.structure.linear:
+        error = 0.0  # the second variation is the same along any path
     if tolerance is not None:
         return inertia_of(resolve(at, error, INDEX_RESOLUTION), tolerance, moves)
     if not moves:

@@ -25,12 +25,17 @@ and forces that are summed to that accuracy. Round-off adds some eps of the same
 (Measured, of 1500 right answers: 0.05 of that at most where L is smooth, 0.4 at a kink; at jumps
 100 and more.)
 
+Nor is it to move the path by more than its error. Where a body is slow an energy moves it far: one
+that it does not get, dE, leaves it short of the momentum dE / v, which on a mesh that does not see
+it appears nowhere else. `Balance.beyond` says what that allows in each interval.
+
 Mostly that need not be drawn up: `is_plain`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -56,7 +61,7 @@ ROUNDINGS = 16.0  # largest rounding of L, in typical ones: a quarter of a unit;
 ENDS = [0, -1]
 FEW_ELEMENTS = 3  # the drift of fewer is not told by their means
 AMPLIFIED = 4.0  # round-off where L is continued to the ends of panels; measured
-STEP_SHARE = 0.2  # of a step among 8 to 32 points that half the degrees leave at one, at least
+STEP_SHARE = 0.06  # of a step among 6 to 35 points that 3 of 4 degrees leave at one, at least
 # Of L, what an error of the path may explain of it where no drift of the energy is known; ad hoc.
 UNCERTAIN_SHARE = 1e-2
 UNDECIDED = 16 * EPS  # of the times: on which side of a step a path is, in such an interval; ad hoc
@@ -72,14 +77,14 @@ class Imbalance:
         Times since the start between which it does not, in order.
     off : (K,) array
         By how much L changes there without a reason; zero if that is not known.
-    allowed : float
-        How far L may change without a reason.
+    allowed : (K,) array
+        How far L may change there without a reason.
     """
 
     low: Array
     high: Array
     off: Array
-    allowed: float
+    allowed: Array
 
     def __str__(self) -> str:
         """Say where it is off most, and by how much."""
@@ -104,6 +109,8 @@ class Balance:
         v . L_v - L at the samples, (points,).
     explicit : array
         dL/dt there, (points,), or a zero.
+    velocity : array
+        v there, (points, n).
     speeds, momenta, outer : arrays
         v and L_v (n, N, 2), and L (N, 2), at both ends of each element.
     size, speed, momentum : (n,) arrays
@@ -116,6 +123,7 @@ class Balance:
     read: float
     energy: Array
     explicit: Array
+    velocity: Array
     speeds: Array
     momenta: Array
     outer: Array
@@ -133,7 +141,7 @@ class Balance:
         with np.errstate(all="ignore"):
             q, v, force, momentum, L, explicit = second_quadrature.values(tr, at.x, batches)
             t, explicit = second_quadrature.times(tr, batches), _flat(explicit.copy())
-            # A row for each coordinate: numpy is fast along rows.
+            given = v  # in rows of coordinates numpy is fast
             v, force, momentum = (np.ascontiguousarray(y.T) for y in (v, force, momentum))
             size, speed = (np.abs(y.T).max(axis=1) for y in (point.at, point.v))
             most, largest = (np.abs(y).max(axis=1) for y in (force, momentum))
@@ -166,17 +174,31 @@ class Balance:
                 between[inner - 1] = 0.0
             unit = _sum(np.append(most * size, largest * speed))
             energy = (momentum * v).sum(axis=0) - L
-            known = energy, explicit, speeds, momenta, outer, size, speed, largest
+            known = energy, explicit, given, speeds, momenta, outer, size, speed, largest
             return cls(at, [*off, between], unit, read, *known)
 
-    def beyond(self, error: float) -> Imbalance | None:
-        """Return where (1) is off by more than an error of the path allows, in its own size."""
-        shown = error * self.unit
+    @property
+    def rounded(self) -> float:
+        """How far (1) may be off by round-off."""
+        return ROUNDOFF * (self.unit + self.read)
+
+    @cached_property
+    def holds(self) -> bool:
+        """Whether (1) holds to round-off."""
+        return all((np.abs(part) <= self.rounded).all() for part in self.off)
+
+    def beyond(self, error: float, gain: float = 1.0) -> Imbalance | None:
+        """Return where (1) is off by more than an error of the path allows, in its own size.
+
+        Or by more than moves the path as far, if an impulse moves it `gain` times as far as a free
+        body.
+        """
+        if self.holds or not np.isfinite(error):
+            return None
+        shown, known = error * self.unit, self.rounded
         if self.at.tr.order > 1:  # where a step is as narrow as the error nothing else shows it
             shown = min(shown, UNCERTAIN_SHARE * self.read)
-        allowed = shown + ROUNDOFF * (self.unit + self.read)
-        if all((np.abs(part) <= allowed).all() for part in self.off) or not np.isfinite(error):
-            return None
+        allowed = np.minimum(shown, self._harmless(error / gain)) + known
         mesh, width = self.at.mesh, round_off_time(self.at.problem)
         inner, off = mesh.since[1:-1], np.concatenate([part.ravel() for part in self.off])
         low, high = self._intervals()
@@ -185,7 +207,38 @@ class Balance:
         order = order[~(np.abs(off) <= allowed + self._rounded())[order]]
         if not order.size:
             return None
-        return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed)
+        return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed[order])
+
+    def _harmless(self, error: float) -> Array:
+        """Return what may be `off` and moves the path by no more than an error, in one array.
+
+        An energy dE that a body does not get, where its velocity is v, leaves it short of the
+        momentum dE / v, and that moves a free body by dE T / (4 m v) at most, in the middle of the
+        time T. So it may be |m v| . s error / T, as others come to it: of the lesser m v at both
+        ends of the interval, and nothing where it turns between them. Infinite with accelerations
+        in L.
+        """
+        tr, first = self.at.tr, 0
+        if tr.order > 1:
+            return np.full(1, np.inf)
+        mass = second_quadrature.inertia(tr, self.at.x)
+        ends = self.speeds.transpose(1, 2, 0) @ mass
+        parts = []
+        for b in tr.between_nodes:
+            shape = b.elements.size, b.rule.nodes.size, -1
+            here = slice(first, first := first + shape[0] * shape[1])
+            inner = self.velocity[here].reshape(shape) @ (
+                mass if len(mass) == 1 else mass[b.elements]
+            )
+            outer = ends[b.elements]
+            parts.append(np.concatenate([outer[:, :1], inner, outer[:, 1:]], axis=1))
+        parts.append(np.stack([ends[:-1, 1], ends[1:, 0]], axis=1))
+        momenta = [(part[:, :-1], part[:, 1:]) for part in parts]
+        least = [np.where(p * q > 0, np.fmin(abs(p), abs(q)), 0.0) for p, q in momenta]
+        found = np.concatenate([(part @ self.size).ravel() for part in least])
+        found *= error / tr.mesh.duration
+        known = np.isfinite(found) & bool(mass.any())
+        return np.where(known, found, np.inf)
 
     def largest(self) -> Imbalance | None:
         """Return where (1) is off most, by whatever it is above round-off; None if nowhere."""
@@ -193,7 +246,7 @@ class Balance:
         if found is None:
             return None
         most = np.abs(found.off) >= WORST_SHARE * np.abs(found.off).max()
-        return Imbalance(found.low[most], found.high[most], found.off[most], found.allowed)
+        return Imbalance(found.low[most], found.high[most], found.off[most], found.allowed[most])
 
     def drift(self, rounding: float = 0.0, *, stepped: bool = False) -> float:
         """Return how far the path is carried by what its energy varies, in its own size.
@@ -210,24 +263,18 @@ class Balance:
         time. (Measured: 0.8 to 1.1 of the error at cusps; on the scenes and at kinks 0.7 of the
         estimate at most, mostly a hundredth.) Zero where it is not known.
         """
-        structure, mesh = self.at.problem.system.structure, self.at.mesh
-        if self.at.problem.through or self.at.tr.order > 1:
+        structure, tr = self.at.problem.system.structure, self.at.tr
+        if self.at.problem.through or tr.order > 1:
             return 0.0  # the energy may jump at events, and is another with accelerations in L
-        means = np.empty(mesh.elements)
         with np.errstate(all="ignore"):
-            energy, first = self.energy, 0
+            energy = self.energy
             if structure.forced or structure.depends_on_time:
                 try:
                     energy = energy - self._work(stepped)
                 except ValueError:  # forces of constraints that depend on one another
                     return 0.0
-            for b in self.at.tr.between_nodes:
-                here = slice(first, first := first + b.elements.size * b.rule.nodes.size)
-                part = energy[here].reshape(b.elements.size, -1)
-                means[b.elements] = part @ b.rule.weights * b.half[:, 0, 0]
-            mean = means.sum() / mesh.duration
-            carried = float(np.abs(np.cumsum(means - mean * mesh.lengths)).max())
-        carried -= max(rounding, ROUNDOFF * self.read) * mesh.duration
+            carried = _carried(tr, _element_integrals(tr, energy))
+        carried -= max(rounding, ROUNDOFF * self.read) * tr.mesh.duration
         reach = _sum(self.momentum * self.size)
         return carried / reach if 0 < carried < np.inf else 0.0
 
@@ -287,7 +334,7 @@ class Balance:
         """
         problem = self.at.problem
         off = np.concatenate([part.ravel() for part in self.off])[: low.size]
-        at = np.flatnonzero(np.abs(off) > ROUNDOFF * (self.unit + self.read))
+        at = np.flatnonzero(np.abs(off) > self.rounded)
         steps = np.zeros(low.size)
         ends = np.concatenate([low[at], high[at]])
         q, v = (part.T for part in self.at.path.carried_on(ends, 1.0, problem.system.order))
@@ -328,53 +375,88 @@ class Balance:
         return np.concatenate(low), np.concatenate(high)
 
 
+@np.errstate(all="ignore")
 def is_plain(at: DiscretePath, error: float, safety: float) -> bool:
     """Return whether L plainly has no step along a path: it is smooth there, and H is constant.
 
-    A step between the samples of a panel is no polynomial of half the degree that they have, or it
-    is between two panels; steps closer than samples change H without a reason, as the drift shows,
+    A step between the samples of a panel is no polynomial of 3 of 4 degrees that they have, or it
+    is between two panels: where L is smooth to round-off it does not step, and elsewhere (1) is to
+    hold to round-off. Steps closer than samples change H without a reason, as the drift shows,
     which is to be within the `error`, `safety` times. Where that is not known the balance decides.
     """
     tr, problem, structure = at.tr, at.problem, at.problem.system.structure
     if structure.jumpless:
         return True
-    batches, packed, N = tr.between_nodes, problem.packed, tr.mesh.elements
-    if structure.forced or problem.through or tr.order > 1 or len(batches) > 1 or N < FEW_ELEMENTS:
+    batches, N, n = tr.between_nodes, tr.mesh.elements, problem.system.n
+    if structure.forced or problem.through or tr.order > 1 or N < FEW_ELEMENTS:
         return False
     if tr.sides is not None or (problem.system.m and structure.depends_on_time):
         return False
-    _, v, _, p, L, explicit = second_quadrature.values(tr, at.x, batches)
-    rule, half, n, point = batches[0].rule, batches[0].half[:, 0, 0], v.shape[1], tr.place(at.x)
+    _, v, force, p, L, explicit = second_quadrature.values(tr, at.x, batches)
     power = p * v
     power = power[:, 0] if n == 1 else power @ np.ones(n)
     most, read = float(power.max()), max(abs(float(L[k])) for k in (0, L.size // 2, -1))
-    allowed = error * most + AMPLIFIED * ROUNDOFF * (most + read)
-    ends, rest = rule.ends_and_rest(L)
-    if not max(float(rest.max()), -float(rest.min())) <= STEP_SHARE * allowed:
-        return False
-    # Between elements velocities differ by the error of the path.
-    between, p, u = ends[1:, 0] - ends[:-1, 1], p.reshape(N, -1, n), point.v.reshape(N, -1, n)
-    between[rule.panels - 1 :: rule.panels] -= ((u[1:, 0] - u[:-1, -1]) * p[1:, 0]).sum(axis=1)
-    if not np.abs(between).max() <= allowed:
-        return False
-    first = problem.system.pointwise("first")
-    for k, mine in ((0, ends[0, 0]), (-1, ends[-1, 1])):
-        here = point.at[k, None], point.v[k, None], tr.times[k, None], packed
-        if not abs(first(*here)[2][0, 0] - mine) <= allowed:
+    allowed = AMPLIFIED * ROUNDOFF * (most + read)
+    point, ends = tr.place(at.x), tr.layout.element_ends
+    _, momenta, outer = (y[ends].reshape(N, 2, -1) for y in tr.first(at.x))
+    u, outer, first = point.v[ends].reshape(N, 2, n), outer[:, :, 0], 0
+    for b in batches:
+        shape = b.elements.size, b.rule.nodes.size
+        here = slice(first, first := first + shape[0] * shape[1])
+        inner, rest = b.rule.ends_and_rest(L[here])
+        sides = np.empty((shape[0], b.rule.panels + 1, 2))
+        sides[:, 1:, 0] = inner[:, 1].reshape(-1, b.rule.panels)
+        sides[:, :-1, 1] = inner[:, 0].reshape(-1, b.rule.panels)
+        sides[:, 0, 0], sides[:, -1, 1] = outer[b.elements].T
+        steps = np.abs(sides[..., 1] - sides[..., 0])
+        smooth = max(float(rest.max()), -float(rest.min())) <= STEP_SHARE * allowed
+        if smooth and steps.max() <= allowed:
+            continue
+        left = np.abs(rest.reshape(shape)).max(axis=1)
+        odd = np.flatnonzero(~((left <= STEP_SHARE * allowed) & (steps.max(axis=1) <= allowed)))
+        known = (y[here].reshape(*shape, n)[odd] for y in (p, v, force))
+        P, V, F = (np.ascontiguousarray(y.transpose(2, 0, 1)) for y in known)
+        rate = (F * V).sum(axis=0)
+        if explicit.size > 1:
+            rate += explicit[here].reshape(shape)[odd]
+        e = b.elements[odd]
+        known = P, L[here].reshape(shape)[odd], rate, V, outer[e], u[e].transpose(2, 0, 1)
+        if not np.abs(_off_between(b.rule, b.half[odd, 0], *known)).max() <= allowed:
             return False
-    carried = (power - L).reshape(N, -1) @ rule.weights * half
+    # Between elements velocities differ by the error of the path.
+    steps = (u[1:, 0] - u[:-1, 1]) * (momenta[1:, 0] + momenta[:-1, 1]) / 2
+    if not np.abs(outer[1:, 0] - outer[:-1, 1] - steps.sum(axis=1)).max() <= allowed:
+        return False
+    energy = _element_integrals(tr, power - L)
     if explicit.size > 1:  # H + int dL/dt dt is constant
-        rate = explicit.reshape(N, -1)
-        work = rate @ rule.weights * half
-        within = rate @ (rule.weights * (1 - rule.nodes)) * half
-        carried += (within + 2 * (work.cumsum() - work)) * half
-    carried = carried.cumsum()
-    carried -= carried[-1] / tr.mesh.duration * tr.mesh.since[1:]
-    farthest = float(np.abs(carried).max())
+        work = _element_integrals(tr, explicit)
+        before = work.cumsum() - work + _element_integrals(tr, explicit, left=True)
+        energy += before * tr.mesh.lengths
+    farthest = _carried(tr, energy)
     if farthest <= ROUNDOFF * read * tr.mesh.duration:
         return True
-    reach = np.abs(p[:, 0]).max(axis=0) @ np.abs(point.at).max(axis=0)
+    reach = np.abs(momenta[:, 0]).max(axis=0) @ np.abs(point.at).max(axis=0)
     return bool(safety * farthest <= error * reach)
+
+
+def _element_integrals(tr: Transcription, values: Array, *, left: bool = False) -> Array:
+    """Return the integrals of values (points,) over each element, (N,).
+
+    Of what is `left` of the element times the values, if so, in parts of its length.
+    """
+    found, first = np.empty(tr.mesh.elements), 0
+    for b in tr.between_nodes:
+        here = slice(first, first := first + b.elements.size * b.rule.nodes.size)
+        weights = b.rule.weights * (1 - b.rule.nodes) / 2 if left else b.rule.weights
+        found[b.elements] = values[here].reshape(b.elements.size, -1) @ weights * b.half[:, 0, 0]
+    return found
+
+
+def _carried(tr: Transcription, energy: Array) -> float:
+    """Return max_t |int_0^t (E - mean E) dt|, of the integrals of E over the elements, (N,)."""
+    carried = energy.cumsum()
+    carried -= carried[-1] / tr.mesh.duration * tr.mesh.since[1:]
+    return float(np.abs(carried).max())
 
 
 def imbalance(at: DiscretePath, error: float) -> Imbalance | None:
@@ -390,11 +472,11 @@ def narrowest_intervals(problem: Problem, path: Path, found: Imbalance) -> Imbal
     followed down to neighbouring times or to its width, a kink is left at once. None where L is
     known no better, or steps in the time alone, on which no force depends.
     """
-    allowed = max(found.allowed, rounding(problem, path))
+    allowed = np.maximum(found.allowed, rounding(problem, path))
     above = ~(np.abs(found.off) <= allowed) | (found.off == 0)  # or not known
     if not above.any():
         return None
-    found = Imbalance(found.low[above], found.high[above], found.off[above], allowed)
+    found = Imbalance(found.low[above], found.high[above], found.off[above], allowed[above])
     shortest = round_off_time(problem)
     first = True  # what is off at first may be the sums'
     while (long := found.high - found.low > INNER_PARTS * shortest).any():
@@ -402,14 +484,15 @@ def narrowest_intervals(problem: Problem, path: Path, found: Imbalance) -> Imbal
         low, high = edges[:-1].T.ravel(), edges[1:].T.ravel()
         parts = _off(problem, path, low, high)
         share = 0.0 if first else PERSISTENT
-        least = np.repeat(np.maximum(found.allowed, share * np.abs(found.off[long])), INNER_PARTS)
+        allowed = found.allowed[long]
+        least = np.repeat(np.maximum(allowed, share * np.abs(found.off[long])), INNER_PARTS)
         wrong = np.flatnonzero(~(np.abs(parts) <= least))
         if not wrong.size:
             break
-        kept = (found.low, found.high, found.off)
-        new = low[wrong], high[wrong], np.nan_to_num(parts[wrong])
-        low, high, off = (np.append(y[~long], z)[:FOLLOWED] for y, z in zip(kept, new, strict=True))
-        found, first = Imbalance(low, high, off, found.allowed), False
+        kept = found.low, found.high, found.off, found.allowed
+        new = low[wrong], high[wrong], np.nan_to_num(parts[wrong]), allowed[wrong // INNER_PARTS]
+        known = (np.append(y[~long], z)[:FOLLOWED] for y, z in zip(kept, new, strict=True))
+        found, first = Imbalance(*known), False
     if not problem.system.structure.depends_on_time:
         return found
     if first:  # that was the sum of dL/dt
@@ -419,8 +502,8 @@ def narrowest_intervals(problem: Problem, path: Path, found: Imbalance) -> Imbal
     of_path = ~(np.abs(_off(problem, path, low, high, timed=False)) <= found.allowed)
     if not of_path.any():
         return None
-    low, high, off = (part[of_path] for part in (found.low, found.high, found.off))
-    return Imbalance(low, high, off, found.allowed)
+    known = found.low, found.high, found.off, found.allowed
+    return Imbalance(*(part[of_path] for part in known))
 
 
 def rounding(problem: Problem, path: Path) -> float:
@@ -456,7 +539,7 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
     with np.errstate(all="ignore"):
         found = problem.system.pointwise("first")(q, v, t, problem.packed)
         Lq, p, L = (np.array(y.T, order="C") for y in found)
-        rate = _rate(Lq, rates_of(q, v.T), _explicit(problem, q, v, t) if timed else np.zeros(1))
+        rate = _rate(Lq, rates_of(q, v.T), _time_rate(problem, q, v, t) if timed else np.zeros(1))
         L, rate = L.reshape(since.shape), rate.reshape(since.shape)
         p, v = (y.reshape(-1, *since.shape) for y in (p, v.T))
         ends = L[:, ENDS], v[:, :, ENDS]
@@ -473,7 +556,7 @@ def _at_ends(tr: Transcription, x: Array) -> tuple[Array, Array, Array]:
     return v.reshape(shape), p.reshape(shape), L.reshape(shape[1:])
 
 
-def _explicit(problem: Problem, q: Array, v: Array, t: Array) -> Array:
+def _time_rate(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     """Return dL/dt at fixed q and v, (K,), or a zero where L contains no time."""
     if not problem.system.structure.depends_on_time:
         return np.zeros(1)

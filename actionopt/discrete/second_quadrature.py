@@ -201,11 +201,11 @@ def _follow(
     at = _points(tr, x, batches)
     known = [values for _, values in _sample(tr, x, batches)]
     with np.errstate(all="ignore"):
-        inertia = _inertia(tr, x)
-        inverse = inverses(inertia, tr.lengths)
+        masses = inertia(tr, x)
+        inverse = inverses(masses, tr.lengths)
         own, inverse = (
             [found if len(found) == 1 else found[b.elements] for b in batches]
-            for found in (inertia, inverse)
+            for found in (masses, inverse)
         )
         along = _tangents(tr, batches, at, inverse)
         steps = [
@@ -302,7 +302,7 @@ def _tangents(
     return found
 
 
-def _inertia(tr: Action, x: Array) -> Array:
+def inertia(tr: Action, x: Array) -> Array:
     """Return the mass matrix in the middle of each element, (N, n, n); one if it is constant."""
     system, n = tr.problem.system, tr.problem.system.n
     if system.structure.constant_mass and not system.structure.depends_on_time:

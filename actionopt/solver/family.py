@@ -30,15 +30,16 @@ LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have b
 
 def may_be_family(ws: Workspace, status: Status) -> bool:
     """Whether the ends may leave a family of paths, or did so where one was lost."""
-    if ws.problem.system.structure.forced:
-        return False
+    if ws.problem.system.structure.forced or ws.unbalance is not None:
+        return False  # that knows no index; or no path, as the energy tells
     if status is Status.DEGENERATE:  # of linear equations there may be no path at all
         return not ws.linear
     if not (status.success or status is Status.FLOOR):
         return status is Status.UNRESOLVED or (status in LOST and ws.unpolished is not None)
     here = ws.here
-    if not here.can_be_one_of_many:
-        return here.noise > ROUNDED  # of one coordinate the noise itself tells
+    # Of one coordinate the noise itself tells, in units of the motion.
+    if not here.can_be_one_of_many and here.noise * (here.sizes / here.lengths).max() <= ROUNDED:
+        return False
     try:
         here = ws.here = here.with_probed(ws.many)
         if not ws.linear and here.growth < NEAR_SINGULAR and here.growth * here.since > OUTDATED:
@@ -72,7 +73,9 @@ def judge_family(ws: Workspace, solution: Solution) -> Solution:
     noise = max(ws.here.noise, condition * POLYNOMIAL_ROUNDOFF)
     ws.here = replace(ws.here, noise=noise, error=near.error)
     stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
-    return replace(near, status=Status.DEGENERATE, stats=stats)
+    judged = replace(near, status=Status.DEGENERATE, stats=stats)
+    vars(judged)["inertia"] = found  # counted once: what its `kind` is, and its status
+    return judged
 
 
 def _describe(ws: Workspace, found: Inertia, error: float) -> str:

@@ -13,6 +13,9 @@ from actionopt.solver.ipopt import ABSENT, is_there
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
 
+# Of these nothing is known but what their mesh leaves out.
+UNKNOWN = (Status.NOT_FOUND, Status.OUT_OF_TIME, Status.UNRESOLVED)
+
 
 def solution_of(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
     """Return the path at hand as a solution; `started` is when the search began."""
@@ -37,7 +40,9 @@ def solution_of(ws: Workspace, status: Status, found_by: str, started: float) ->
         "derived": problem.system.derived,
         "time": dict(record.time),
     }
-    lam, error = found.rows.T, here.error
+    # An error within the tolerance is told of what is resolved: the mesh alone shows no other.
+    unknown = status in UNKNOWN and here.error <= ws.tol
+    lam, error = found.rows.T, np.inf if unknown else here.error
     return Solution(problem, found.path, action, lam, error, status, stats, known=found)
 
 

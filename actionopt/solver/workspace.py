@@ -488,18 +488,27 @@ class Workspace(Generic[Place]):
             plain = is_plain(here, here.error, DRIFT_SAFETY)
             balance = None if plain else Balance.of(here)
             if balance is not None:
-                off = jump_or(here, balance.beyond(here.error))
+                gain = 1.0 if balance.holds else self._growth()
+                off = jump_or(here, balance.beyond(here.error, gain))
                 error = max(here.error, DRIFT_SAFETY * balance.drift())
                 if off is None and error > max(self.tol, here.error):
                     known = rounding(here.problem, here.path)
                     error = max(here.error, DRIFT_SAFETY * balance.drift(known, stepped=True))
                     off = balance.largest() if error > self.tol else None
                 if error > here.error:
-                    self.here = replace(here, error=error)
+                    self.here = replace(self.here, error=error)
         if off is not None or self.unbalance is not None:
             self.hint = str(off or "")
         self.unbalance = off
         return off
+
+    def _growth(self) -> float:
+        """Return how much farther an impulse moves the path than a free body, at least one."""
+        try:
+            self.here = self.here.with_probed(self.many)
+        except np.linalg.LinAlgError:
+            return np.inf
+        return max(1.0, self.here.growth)
 
     def transfer(self, mesh: Mesh, *, least: bool, missed: float = 0.0) -> bool:
         """Take the path to another mesh and polish it there; False if it was lost.

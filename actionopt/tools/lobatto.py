@@ -73,21 +73,21 @@ class Sampling:
 
     @cached_property
     def _ends_and_rest(self) -> tuple[Array, Array]:
-        """Values at the ends of a panel [-1, 1], and what half of the degrees leave at its points.
+        """Values at the ends of a panel [-1, 1], and what three quarters of the degrees leave.
 
         By values at its points, (count, 2) and (count, count).
         """
         count = self.nodes.size // self.panels
         P = legendre(count - 1, self.panels * (self.nodes[:count] + 1) - 1)
         ends = np.linalg.solve(P, legendre(count - 1, np.array([-1.0, 1.0])))
-        low, _ = np.linalg.qr(P[: count // 2].T)
+        low, _ = np.linalg.qr(P[: 3 * count // 4].T)
         return ends, np.eye(count) - low @ low.T
 
     def ends_and_rest(self, values: Array) -> tuple[Array, Array]:
         """Return values (E, m + 1) at the ends of each panel, and what is not smooth in it.
 
         Arrays (E panels, 2) and (E panels, count): of the polynomials through the `count` points
-        of a panel the values at both ends, and what those of half the degree do not fit.
+        of a panel the values at both ends, and what those of three quarters of the degrees leave.
         """
         ends, rest = self._ends_and_rest
         parts = values.reshape(-1, len(rest))
