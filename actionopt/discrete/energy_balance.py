@@ -178,14 +178,14 @@ class Balance:
             return cls(at, [*off, between], unit, read, *known)
 
     @property
-    def rounded(self) -> float:
+    def roundoff(self) -> float:
         """How far (1) may be off by round-off."""
         return ROUNDOFF * (self.unit + self.read)
 
     @cached_property
     def holds(self) -> bool:
         """Whether (1) holds to round-off."""
-        return all((np.abs(part) <= self.rounded).all() for part in self.off)
+        return all((np.abs(part) <= self.roundoff).all() for part in self.off)
 
     def beyond(self, error: float, gain: float = 1.0) -> Imbalance | None:
         """Return where (1) is off by more than an error of the path allows, in its own size.
@@ -195,7 +195,7 @@ class Balance:
         """
         if self.holds or not np.isfinite(error):
             return None
-        shown, known = error * self.unit, self.rounded
+        shown, known = error * self.unit, self.roundoff
         if self.at.tr.order > 1:  # where a step is as narrow as the error nothing else shows it
             shown = min(shown, UNCERTAIN_SHARE * self.read)
         allowed = np.minimum(shown, self._harmless(error / gain)) + known
@@ -273,7 +273,7 @@ class Balance:
                     energy = energy - self._work(stepped)
                 except ValueError:  # forces of constraints that depend on one another
                     return 0.0
-            carried = _carried(tr, _element_integrals(tr, energy))
+            carried = _largest_integral(tr, _element_integrals(tr, energy))
         carried -= max(rounding, ROUNDOFF * self.read) * tr.mesh.duration
         reach = _sum(self.momentum * self.size)
         return carried / reach if 0 < carried < np.inf else 0.0
@@ -334,7 +334,7 @@ class Balance:
         """
         problem = self.at.problem
         off = np.concatenate([part.ravel() for part in self.off])[: low.size]
-        at = np.flatnonzero(np.abs(off) > self.rounded)
+        at = np.flatnonzero(np.abs(off) > self.roundoff)
         steps = np.zeros(low.size)
         ends = np.concatenate([low[at], high[at]])
         q, v = (part.T for part in self.at.path.carried_on(ends, 1.0, problem.system.order))
@@ -432,7 +432,7 @@ def is_plain(at: DiscretePath, error: float, safety: float) -> bool:
         work = _element_integrals(tr, explicit)
         before = work.cumsum() - work + _element_integrals(tr, explicit, left=True)
         energy += before * tr.mesh.lengths
-    farthest = _carried(tr, energy)
+    farthest = _largest_integral(tr, energy)
     if farthest <= ROUNDOFF * read * tr.mesh.duration:
         return True
     reach = np.abs(momenta[:, 0]).max(axis=0) @ np.abs(point.at).max(axis=0)
@@ -452,7 +452,7 @@ def _element_integrals(tr: Transcription, values: Array, *, left: bool = False) 
     return found
 
 
-def _carried(tr: Transcription, energy: Array) -> float:
+def _largest_integral(tr: Transcription, energy: Array) -> float:
     """Return max_t |int_0^t (E - mean E) dt|, of the integrals of E over the elements, (N,)."""
     carried = energy.cumsum()
     carried -= carried[-1] / tr.mesh.duration * tr.mesh.since[1:]
