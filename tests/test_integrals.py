@@ -11,6 +11,7 @@ from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipk, mathieu_a, mathieu_b
 
 import actionopt as ao
+from actionopt.solver.waves import first_waves
 
 STRAIGHT = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], integral=lambda q, v, t: q[0])
 ROPE = ao.System(
@@ -402,3 +403,16 @@ def test_an_integral_of_a_beam_on_a_circle():
     assert path.action == pytest.approx(known.action, rel=1e-9)
     assert path.integral_multipliers == pytest.approx(known.integral_multipliers, rel=1e-7)
     assert path.morse_index == known.morse_index == 0
+
+
+def test_first_waves_have_the_integral_that_is_given():
+    """One sine each, and then sums of them: all of the length asked for, between the ends."""
+    problem = ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0.4]), integral=2.6)
+    straight = ao.Path(ao.Mesh([0.0, 2.0], 1), np.array([[0.0, 0.4]]))
+    given = problem, straight, np.array([0.0, 2.0]), np.ones(1)
+    found = [path for path, _ in first_waves(*given, 40, np.random.default_rng(1))]
+    x, weights = np.polynomial.legendre.leggauss(400)
+    assert len(found) > 30
+    for path in found:
+        assert path(np.array([0.0, 2.0])) == pytest.approx(np.array([[0.0, 0.4]]), abs=1e-12)
+        assert weights @ np.hypot(1, path.velocity(x + 1)[0]) == pytest.approx(2.6, rel=1e-2)

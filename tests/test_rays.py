@@ -1,11 +1,13 @@
 """Paths with many bounces are found without a guess."""
 
 from itertools import islice, pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt.solver.rays import BEST_RAYS, RaySearch
 from actionopt.solver.through import starts
 
 FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
@@ -87,3 +89,21 @@ def test_the_first_motions_nearly_arrive():
         for t in np.concatenate([np.linspace(a, b, 5)[1:-1] for a, b in pairwise(times)])
     ]
     assert np.ptp(energies) < 0.1 * np.mean(energies)
+
+
+def test_closer_motions_are_sought_about_those_that_cost_least():
+    everywhere = np.full((5, 2), 7.0)
+    tracer = SimpleNamespace(
+        size=np.ones(1), unit=np.ones(2), at=SimpleNamespace(joints=[0, 1]), span=1.0,
+        all_round=lambda random: everywhere,
+    )  # fmt: skip
+    search, random = RaySearch(tracer), np.random.default_rng(3)
+    np.testing.assert_array_equal(search.closer(random, 3), everywhere[:3])  # nothing is known
+    u = random.standard_normal((40, 2))
+    cost = np.linalg.norm(u - u[11], axis=1)
+    search.add(SimpleNamespace(u=u, cost=cost, places=u[:, :, None], times=0 * u))
+    best = search.minima()
+    found = search.closer(random, 200)
+    assert best[0] == 11 and found.shape == (200, 2)
+    away = np.linalg.norm(found - u[np.resize(best[:BEST_RAYS], 200)], axis=1)
+    assert 0 < np.median(away) < search.apart[best].max()

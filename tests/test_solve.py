@@ -574,3 +574,8 @@ def test_a_family_of_many_coordinates_is_told():
 
     found = ao.solve(ao.Problem(system, *ends), guess=guess, throw=False)
     assert found.status is ao.Status.DEGENERATE and found.stats["nullity"] == 2
+
+
+def test_linear_equations_between_conjugate_events_have_no_path():
+    half = Problem(systems.oscillator(), Event(0.0, [0.0]), Event(np.pi, [1.0]))
+    assert ao.solve(half, throw=False).status is Status.DEGENERATE
