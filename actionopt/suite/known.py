@@ -34,6 +34,12 @@ def starts(name: str, program: ActionProgram) -> int:
     return entry["starts"] if entry else 0
 
 
+def paths(name: str, program: ActionProgram) -> int:
+    """Return how many paths of the continuous problem `solve_all` found, when it was asked."""
+    entry = table().get(key(name, program))
+    return entry.get("paths", 0) if entry else 0
+
+
 def key(name: str, program: ActionProgram) -> str:
     """Return the name and the mesh."""
     return f"{name} {program.mesh.elements} x {max(program.mesh.degrees)}"

@@ -5,6 +5,9 @@ ways past discs, where these are in the way:
 
     python -m actionopt.suite.learn results.jsonl
     python -m actionopt.suite.learn kepler chain
+
+With `--paths` before them, those on the mesh near the paths that `solve_all` finds, in place of
+random starts.
 """
 
 from __future__ import annotations
@@ -18,11 +21,12 @@ from typing import Any
 import numpy as np
 
 from actionopt import suite
+from actionopt.families.all_paths import solve_all
 from actionopt.suite import known, solvers
 from actionopt.suite.member import Stationary
 from actionopt.suite.problem import SEED, TestProblem
 from actionopt.suite.runner import load
-from actionopt.suite.verdict import SAME_POINT
+from actionopt.suite.verdict import NEAR, SAME_POINT
 from actionopt.suite.ways import centres, ways
 from actionopt.tools.files import rounded, write
 from actionopt.tools.types import Array
@@ -50,6 +54,8 @@ def learn(records: Iterable[Mapping[str, Any]], file: Path = known.KNOWN_FILE) -
             continue
         entry = table.setdefault(known.key(problem.name, problem), {"starts": 0, "points": []})
         entry["starts"] = max(entry["starts"], record.get("starts", 0))
+        if "paths" in record:
+            entry["paths"] = record["paths"]
         others = [problem.x_star, *(np.array(k) * problem.unit for k in entry["points"])]
         if is_new(problem, found.x, others):
             point = (found.x / problem.unit).tolist()
@@ -75,13 +81,32 @@ def search(problem: TestProblem, starts: int = RANDOM_STARTS) -> Iterator[dict[s
             found.append(near)
     found.sort(key=lambda s: (s.index, s.f))
     for point in (problem.optimum, *found[: min(MOST_KEPT, MOST_NUMBERS // problem.n)]):
-        yield {
-            "problem": problem.name,
-            "elements": problem.mesh.elements,
-            "degree": max(problem.mesh.degrees),
-            "point": point.x / problem.unit,
-            "starts": starts,
-        }
+        yield {**_record(problem, point), "starts": starts}
+
+
+def near_paths(problem: TestProblem) -> Iterator[dict[str, Any]]:
+    """Yield the optimum, and what is stationary near the paths that `solve_all` finds, for `learn`.
+
+    On the mesh: a path that it does not resolve, and one that ends a turn farther, has none.
+    """
+    every = solve_all(problem.scene.problem)
+    found = [problem.optimum]
+    for solution in every:
+        near = problem.nearest(problem.at_nodes(solution), NEAR)
+        kept = [s.x for s in (*found, *problem.others)]
+        if near and near.index is not None and is_new(problem, near.x, kept):
+            found.append(near)
+    for point in found:
+        yield {**_record(problem, point), "paths": len(every)}
+
+
+def _record(problem: TestProblem, point: Stationary) -> dict[str, Any]:
+    return {
+        "problem": problem.name,
+        "elements": problem.mesh.elements,
+        "degree": max(problem.mesh.degrees),
+        "point": point.x / problem.unit,
+    }
 
 
 def random_starts(problem: TestProblem, count: int) -> Iterator[Array]:
@@ -96,6 +121,8 @@ def random_starts(problem: TestProblem, count: int) -> Iterator[Array]:
 
 
 if __name__ == "__main__":
+    look = near_paths if "--paths" in sys.argv else search
     for word in sys.argv[1:]:
-        print(word, learn(load(word) if word.endswith(".jsonl") else search(suite.get(word))))
-        known.table.cache_clear()
+        if word != "--paths":
+            print(word, learn(load(word) if word.endswith(".jsonl") else look(suite.get(word))))
+            known.table.cache_clear()

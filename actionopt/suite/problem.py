@@ -226,9 +226,10 @@ class TestProblem(ActionProgram, Member):
     @property
     def path(self) -> Array:
         """That path at the nodes, (n,)."""
-        return self._at_nodes(self.continuous.path)
+        return self.at_nodes(self.continuous.path)
 
-    def _at_nodes(self, curve: Any) -> Array:
+    def at_nodes(self, curve: Any) -> Array:
+        """Return a path, or `curve(t)` (n, K), at the nodes: (n,)."""
         Q = sample(curve, self.mesh.nodes, self.scene.problem.system.n)
         return Q.ravel()[self.transcription.layout.free] * self.stretch
 
@@ -347,6 +348,8 @@ class TestProblem(ActionProgram, Member):
             return "the only minimum: f is convex"
         starts, count = known.starts(self.name, self), 1 + len(self.others)
         searched = f"{starts} random starts of Ipopt" if starts else "no random starts"
+        if every := known.paths(self.name, self):
+            searched = f"{searched}, and the {every} paths that solve_all finds"
         return f"the least of {count} stationary points, from bent lines, solvers and {searched}"
 
     # -- judging -----------------------------------------------------------------------------
