@@ -80,10 +80,15 @@ def one_browser():
     page.close()
 
 
-@pytest.fixture
-def chromium(one_browser):
-    """A page of the browser that has seen nothing yet."""
-    one_browser.errors.clear()
-    one_browser.requests.clear()
+@pytest.fixture(scope="module")
+def browser_of_file(one_browser):
     yield one_browser
     one_browser.load("about:blank")  # a page that is left open goes on moving, at half a core
+
+
+@pytest.fixture
+def chromium(browser_of_file):
+    """A page of the browser that has seen nothing yet."""
+    browser_of_file.errors.clear()
+    browser_of_file.requests.clear()
+    return browser_of_file
