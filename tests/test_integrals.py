@@ -58,6 +58,11 @@ def test_dido_ends_at_right_angles_to_the_shore():
     assert abs(found.end.v[0]) < 1e-8
     again = pickle.loads(pickle.dumps(found))
     assert again.integral_multipliers == pytest.approx(found.integral_multipliers, abs=1e-14)
+    with pytest.raises(
+        ValueError, match=r"expected a system as it was defined .*problem\.question"
+    ):
+        ao.Problem(found.problem.system, found.problem.start, shore, integral=1.0)
+    assert ao.Problem(found.problem.question, found.problem.start, shore, integral=1.0)
     assert again.action == found.action
 
 

@@ -442,6 +442,8 @@ def test_bad_questions():
     rising = ao.System(lambda q, v, t: v @ v / 2, ["h"], obstacle=lambda q, t: q[0] - t)
     with pytest.raises(ValueError, match="start event outside of the obstacle"):
         ao.Problem(rising, ao.Event(0, [-1.0]), ao.Event(None, [9.0]), energy=1.0)
+    with pytest.raises(ValueError, match=r"event 0 of through .* = -0\.1 at q = \("):
+        problem.replace(through=[ao.Event(None, [-0.1])])
     plain = systems.particle()
     with pytest.raises(ValueError, match="expected a system with an obstacle"):
         ao.solve(ao.Problem(plain, ao.Event(0, [0]), ao.Event(1, [1]))).contact_force(0.5)

@@ -123,8 +123,8 @@ def monodromy(solution: Solution) -> Monodromy:
     system = problem.system
     if system.m:
         raise ValueError(
-            "expected a system without constraints, found one with: its coordinates and momenta "
-            "are not independent; choose independent coordinates"
+            "expected a system without constraints, found one that has some: its coordinates "
+            "and momenta are not independent; choose independent coordinates"
         )
     if system.r and solution.contacts:
         raise ValueError(

@@ -149,8 +149,9 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     system = problem.system
     if system.structure.forced:
         raise ValueError(
-            "expected a system without non-conservative forces, found one with: its paths are not "
-            "stationary points of an action, so that they have no second variation or index"
+            "expected a system without non-conservative forces, found one that has some: its "
+            "paths are not stationary points of an action, so that they have no second variation "
+            "or index"
         )
     check_whole(problem, "the second variation")
     if problem.touches:

@@ -122,7 +122,9 @@ def trace(
     check_progress(progress)
     family, value = _family(problem.original, vary, start)
     if problem.has_free_boundary or problem.is_infinite:
-        problem.system.check_free("a branch knows contact between given events alone; sweep does")
+        problem.system.check_free(
+            "`trace` follows contact between given times and without given integrals, `sweep` any"
+        )
     to, steps = number(to, "the value to go to"), whole(steps, "the most points to compute", 1)
     if to == value:
         raise ValueError(f"expected a value to go to other than the present {value}, found {to}")

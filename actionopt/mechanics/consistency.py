@@ -74,7 +74,7 @@ def check_alike(problem: Any) -> None:
     if system.m or system.structure.forced:
         raise ValueError(
             "expected a system without constraints and non-conservative forces where a path closes "
-            "in another order, found one with; give the whole period, without relabel="
+            "in another order, found one that has some; give the whole period, without relabel="
         )
     n, width = system.n, system.n * system.order
     q, v, t = np.split(general_points(width + n + 1), [width, width + n], axis=1)

@@ -169,9 +169,10 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
         if len(event.rates) >= system.order:
             name = RATES[len(event.rates) - 1]
             raise ValueError(
-                f"expected an event without {name}=, found one with: the highest derivative in the "
-                f"Lagrangian is {STATE[system.order]}, so that the motion decides {name}; leave it "
-                "out" + ("; for a motion from initial values see ao.integrate" * (name == "v"))
+                f"expected an event without {name}=, found one that gives it: the highest "
+                f"derivative in the Lagrangian is {STATE[system.order]}, so that the motion "
+                f"decides {name}; leave it out"
+                + ("; for a motion from initial values see ao.integrate" * (name == "v"))
             )
         for name, row in zip(RATES, event.rates, strict=False):
             if row is not None and len(row) != n:
@@ -245,12 +246,12 @@ def _refuse(problem: Any, unknown: bool) -> None:
     if unknown and system.structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces where times or places of events are "
-            "to be found, found one with: no action is stationary in them; give both"
+            "to be found, found one that has some: no action is stationary in them; give both"
         )
     if unknown and system.clock is not None and not problem.laws:
         raise ValueError(
             "expected a Lagrangian without branches in the time where times or places of events "
-            "are to be found, found one with; give one system for each leg instead"
+            "are to be found, found one that has some; give one system for each leg instead"
         )
 
 

@@ -88,7 +88,8 @@ def check_outside(
             role = f"event {k - 1} of through"
             if k in (0, len(events) - 1):
                 role = "the end event" if k else "the start event"
-            found = f"found row {i} = {f[k, m + i]:.6g} at t = {event.t}, q = {event.q}"
+            place = "" if event.t is None else f"t = {event.t}, "
+            found = f"found row {i} = {f[k, m + i]:.6g} at {place}q = {event.q}"
             if not np.isfinite(event.t or 0.0):
                 raise ValueError(
                     f"expected {role} outside of the obstacle, f(q, t) > 0, {found}: what "

@@ -222,6 +222,11 @@ class Problem:
                 "expected one System(..., integral=g) for all legs where integrals are given, "
                 f"found {'several' if self.laws else 'one without an integral'}"
             )
+        if MULTIPLIERS in system.table.defaults:
+            raise ValueError(
+                "expected a system as it was defined where integrals are given, found that of "
+                "L + kappa.g, which a problem makes of it; give its `problem.question` instead"
+            )
         values = numbers(self.integral, "the values of the integrals")
         values = np.atleast_1d(values)
         if values.shape != (system.g.numel(),) or not np.isfinite(values).all():

@@ -527,8 +527,8 @@ class System(NumericLaws):
         """Raise ValueError if there is an obstacle, saying `what` does not know it."""
         if self.r:
             raise ValueError(
-                f"expected a system without an obstacle, found one with: {what}; leave it out "
-                "where nothing touches it, or have a constraint instead where something does"
+                f"expected a system without an obstacle, found one that has one: {what}; leave it "
+                "out where nothing touches it, or have a constraint instead where something does"
             )
 
     # -- what is known without numbers ---------------------------------------------------

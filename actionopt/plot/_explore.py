@@ -94,8 +94,8 @@ def explore(
 
     if problem.system.order > 1:
         raise ValueError(
-            "expected a Lagrangian without accelerations, found one with: trial paths are moved by "
-            "their places alone; show a solution with `plot.paths`"
+            "expected a Lagrangian without accelerations, found one that has some: trial paths "
+            "are moved by their places alone; show a solution with `plot.paths`"
         )
     if any(event.t is None for event in problem.through):
         raise ValueError(

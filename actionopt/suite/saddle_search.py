@@ -160,4 +160,6 @@ def elastic_band(problem: Any, start: Array, end: Array, images: int = 9) -> tup
 
 def _check(problem: Any) -> None:
     if problem.m or problem.has_bounds:
-        raise ValueError("expected a program without constraints and bounds, found one with them")
+        raise ValueError(
+            "expected a program without constraints and bounds, found one that has some"
+        )

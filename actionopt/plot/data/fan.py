@@ -136,7 +136,9 @@ def fronts_data(
     problem, start = solution.problem, solution.start
     check_whole(problem, "the wave front")
     if problem.system.m:
-        raise ValueError("expected a system without constraints, found one with; try `fan`")
+        raise ValueError(
+            "expected a system without constraints, found one that has some; try `fan`"
+        )
     first = min((p.t for p in conjugate_points(solution)), default=None)
     end = until or problem.end.t
     if until is None and first is not None:
