@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from actionopt.analysis.status import Status
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.discrete_path import DiscretePath, Unknowns
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.mechanics.events import Bounce, Event, State
@@ -199,7 +199,7 @@ class Solution:
         for a, b in pairwise([0, *inner.tolist(), mesh.elements]):
             part = Mesh(mesh.boundaries[a : b + 1], degrees[a:b])
             start, end = mesh.singular_ends
-            part = part.with_singular_ends((start * (a == 0), end * (b == mesh.elements)))
+            part = with_singular_ends(part, (start * (a == 0), end * (b == mesh.elements)))
             nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
             rates = self.path.velocities
             rates = None if rates is None else rates[:, nodes]

@@ -23,7 +23,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.action import ActionUnits
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.discrete_path import DiscretePath, Unknowns
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
@@ -114,7 +114,7 @@ def _read(file: FilePath) -> Solution:
     problem = Detached(about)
     mesh = Mesh(data["boundaries"], data["degrees"])
     start, end = about.get("singular", mesh.singular_ends)  # no file of a regular path has them
-    mesh = mesh.with_singular_ends((int(start), int(end)))
+    mesh = with_singular_ends(mesh, (int(start), int(end)))
     path, unknowns = Path(mesh, data["values"], data.get("rates")), None
     n, nodes = len(problem.coordinates), mesh.nodes.size
     shapes = [len(problem.start.q), len(problem.end.q), path.values.shape[0]]

@@ -29,7 +29,7 @@ import numpy as np
 
 from actionopt.discrete.boundaries import boundaries_at, find_boundaries, sides
 from actionopt.discrete.layout import layout_for
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.nodal import Term, rest_action, terms
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal, ends_of
@@ -103,7 +103,7 @@ class Action:
         *,
         like: Action | ActionUnits | None = None,
     ) -> None:
-        mesh = mesh.with_singular_ends(problem.singular_ends)
+        mesh = with_singular_ends(mesh, problem.singular_ends)
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.order = problem.system.order  # that of the highest derivative in the Lagrangian
         self.nodal = terms(problem, mesh)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from actionopt.discrete.action import ActionUnits
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -57,7 +57,7 @@ class DiscretePath:
         unless `lengths` (n,) are given.
         """
         if path.mesh.singular_ends != problem.singular_ends:
-            path = path.on(path.mesh.with_singular_ends(problem.singular_ends))
+            path = path.on(with_singular_ends(path.mesh, problem.singular_ends))
         if lengths is None:
             largest = np.max(np.abs(path.values), axis=1)
             negligible = NEGLIGIBLE * largest.max()

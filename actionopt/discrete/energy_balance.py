@@ -198,9 +198,13 @@ class Balance:
         shown, known = error * self.unit, self.roundoff
         if self.at.tr.order > 1:  # where a step is as narrow as the error nothing else shows it
             shown = min(shown, UNCERTAIN_SHARE * self.read)
-        allowed = np.minimum(shown, self._harmless(error / gain)) + known
+        off = np.concatenate([part.ravel() for part in self.off])
+        allowed = np.full(off.size, shown)
+        if self.at.tr.order == 1:
+            allowed = np.minimum(allowed, self._harmless(error / gain))
+        allowed += known
         mesh, width = self.at.mesh, round_off_time(self.at.problem)
-        inner, off = mesh.since[1:-1], np.concatenate([part.ravel() for part in self.off])
+        inner = mesh.since[1:-1]
         low, high = self._intervals()
         low, high = np.append(low, inner - width), np.append(high, inner + width)
         order = np.argsort(low)
@@ -215,12 +219,10 @@ class Balance:
         An energy dE that a body does not get, where its velocity is v, leaves it short of the
         momentum dE / v, and that moves a free body by dE T / (4 m v) at most, in the middle of the
         time T. So it may be |m v| . s error / T, as others come to it: of the lesser m v at both
-        ends of the interval, and nothing where it turns between them. Infinite with accelerations
+        ends of the interval, and nothing where it turns between them. Not with accelerations
         in L.
         """
         tr, first = self.at.tr, 0
-        if tr.order > 1:
-            return np.full(1, np.inf)
         mass = second_quadrature.inertia(tr, self.at.x)
         ends = self.speeds.transpose(1, 2, 0) @ mass
         parts = []

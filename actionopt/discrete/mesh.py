@@ -146,15 +146,6 @@ class Mesh:
             self.boundaries[0], self.boundaries[-1], since, degrees, self.singular_ends
         )
 
-    def with_singular_ends(self, singular_ends: tuple[int, int]) -> Mesh:
-        """Return the same elements, the first and the last of them open at the ends that are."""
-        if singular_ends == self.singular_ends:
-            return self
-        degrees = np.array(self.degrees)
-        ends = [e for e, end in zip((0, -1), singular_ends, strict=True) if end]
-        degrees[ends] = np.maximum(degrees[ends], 2)
-        return _restore(self.boundaries, self.since, degrees, singular_ends)
-
     @property
     def elements(self) -> int:
         """Number of elements N."""
@@ -228,6 +219,16 @@ class Mesh:
         since = self.since * (duration / self.duration)
         since[-1] = duration
         return Mesh.over(start, end, since, self.degrees, self.singular_ends)
+
+
+def with_singular_ends(mesh: Mesh, singular_ends: tuple[int, int]) -> Mesh:
+    """Return the same elements, the first and the last of them open at the ends that are."""
+    if singular_ends == mesh.singular_ends:
+        return mesh
+    degrees = np.array(mesh.degrees)
+    ends = [e for e, end in zip((0, -1), singular_ends, strict=True) if end]
+    degrees[ends] = np.maximum(degrees[ends], 2)
+    return _restore(mesh.boundaries, mesh.since, degrees, singular_ends)
 
 
 def _restore(

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.path import Path
 from actionopt.tools.types import Array, NDInt
 
@@ -46,7 +46,7 @@ class PackedPaths:
             return np.concatenate([np.zeros(0, kind), *parts])
 
         # Of elements with singular ends other polynomials, which are as near as the paths.
-        meshes = [path.mesh.with_singular_ends((0, 0)) for path in paths]
+        meshes = [with_singular_ends(path.mesh, (0, 0)) for path in paths]
         pairs = zip(paths, meshes, strict=True)
         paths = [path if path.mesh is mesh else path.on(mesh) for path, mesh in pairs]
         return cls(

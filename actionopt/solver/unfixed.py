@@ -23,7 +23,7 @@ from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
 from actionopt.discrete.factors import full
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.newton import is_roundoff
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -116,7 +116,7 @@ class Unfixed(Workspace[UnfixedPath]):
         problem = problem or self.problem
         at = self._at_times(problem, path)
         mesh = with_degrees(path.mesh, problem.system.order)
-        mesh = mesh.with_singular_ends(problem.singular_ends)
+        mesh = with_singular_ends(mesh, problem.singular_ends)
         path = path.on(with_boundaries(mesh, at.boundaries))
         with self.record.clock("assemble"):
             size, lengths = coordinate_scales(at, path.values.T)
@@ -162,7 +162,7 @@ class Unfixed(Workspace[UnfixedPath]):
     def with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch over its times."""
         mesh = with_degrees(mesh, self.problem.system.order)
-        mesh = mesh.with_singular_ends(self.problem.singular_ends)
+        mesh = with_singular_ends(mesh, self.problem.singular_ends)
         if self.times is not None:
             return with_boundaries(mesh, self.here.problem.boundaries)
         if self.problem.system.clock is self.problem.system.pulses is None:

@@ -15,7 +15,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
 from actionopt.discrete.energy_balance import Balance, Imbalance, is_plain, rounding
 from actionopt.discrete.factors import Factors
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.newton import approach, follow, move_ends
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
@@ -304,7 +304,7 @@ class Workspace(Generic[Place]):
         """Return the mesh with boundaries where laws switch, if it is not the user's."""
         instants, mesh = (
             self.problem.boundaries,
-            mesh.with_singular_ends(self.problem.singular_ends),
+            with_singular_ends(mesh, self.problem.singular_ends),
         )
         if self.refines:
             mesh = with_degrees(mesh, self.problem.system.order)
