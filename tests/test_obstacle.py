@@ -425,6 +425,11 @@ def test_a_grid_of_strings():
     assert [len(runs.solution(i).contacts) for i in range(3)] == [0, 1, 1]
 
 
+def test_both_ends_on_opposite_sides_of_a_disc():
+    half = ao.solve(ao.Problem(body(disc()), ao.Event(0, [-1, 0]), ao.Event(1, [1, 0])))
+    assert np.sqrt(2 * half.action) == pytest.approx(np.pi, abs=1e-9)
+
+
 def test_bad_questions():
     problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
     with pytest.raises(ValueError, match="start event outside of the obstacle"):

@@ -85,7 +85,8 @@ class Body:
         normals = [self.normal(first), side, self.normal(last)]
         found = [(normals[0], first)]
         for a, b in pairwise(normals):
-            done, part = 0.0, min(1.0, ANGLE / max(angle_of(a, b), EPS))
+            most = ANGLE / max(angle_of(a, b), EPS)
+            done, part = 0.0, min(1.0, most)
             while done < 1.0:
                 normal = between(a, b, min(done + part, 1.0))
                 point = self.touching_point(found[-1][1], normal)
@@ -95,7 +96,7 @@ class Body:
                         return None
                     continue
                 done += part
-                part = min(2 * part, ANGLE / angle_of(a, b))
+                part = min(2 * part, most)
                 found.append((normal, point))
         return found
 
