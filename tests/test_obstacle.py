@@ -612,6 +612,19 @@ def test_a_string_round_a_disc_to_a_line_and_back():
     assert len(sol.contacts) == 1 and sol.impulses[0] == pytest.approx([0, sol.impulses[0][1]])
 
 
+@pytest.mark.parametrize(("t", "y", "x"), [(0.55, 0.3, 0.5), *slow((None, 0.3, 0.5), (None, 0, 0))])
+def test_a_string_round_a_disc_through_a_line_that_meets_the_disc(t, y, x):
+    """Straight to it the line is met inside of the disc; no impulse holds the string there."""
+    line = ao.Event(t, None, on=lambda q, t: q[0] - x)
+    A, B = (-2, y), (2, 0)
+    sol = ao.solve(ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B), through=[line]))
+    places = np.linspace(np.sqrt(1 - x**2) + 1e-9, 1, 1001)
+    lengths = np.array([[shortest(A, (x, h))[0], shortest((x, h), B)[0]] for h in places]).T
+    parts = lengths / lengths.sum(axis=0) if t is None else np.array([[t], [1 - t]])
+    assert sol.action == pytest.approx((lengths**2 / parts).sum(axis=0).min() / 2, rel=1e-6)
+    assert sol.impulses[0][1] == pytest.approx(0, abs=1e-7)
+
+
 def test_a_string_held_on_a_disc():
     """It lies on the disc before the point and after it, and the speed jumps there."""
     ends, top = (ao.Event(0, [-2, 0.3]), ao.Event(2, [2, 0.3])), ao.Event(1.2, [0, 1])

@@ -50,18 +50,24 @@ def event_at(at: DiscretePath, k: int) -> tuple[Event, float]:
     return at.problem.joints[k], float(at.mesh.nodes[at.tr.joints[k]])
 
 
-def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Array | None:
+def onto(
+    problem: Problem, event: Event, q: Array, t: float, size: Array, *, outside: bool = False
+) -> Array | None:
     """Return a point of the event's surface, and of the constraints, near q (n,); None if none is.
 
-    Where the event lies on no surface, the constraints alone count. Newton's method takes steps of
+    Where the event lies on no surface, the constraints alone count. A point that is to be `outside`
+    of the obstacle is moved on to the rows that are negative at q. Newton's method takes steps of
     least length in units of `size` (n,).
     """
-    system, given = problem.system, list(event.pinned)
+    system, given = problem.system.with_contact if outside else problem.system, list(event.pinned)
     q = q.copy()
     q[given] = [event.q[i] for i in given]
-    free = np.setdiff1d(np.arange(system.n), given)
+    free, kept = np.setdiff1d(np.arange(system.n), given), np.ones(system.m, dtype=bool)
     if not free.size:
         return q
+    if outside:
+        kept = system.constraint(q, t, parameters=problem.parameters) < 0
+        kept[: problem.system.m] = True
     for k in range(LONGEST_WAY):
         rows, by_q = np.zeros(0), np.zeros((0, system.n))
         if event.on is not None:
@@ -69,7 +75,7 @@ def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Arr
         if system.m:
             f = system.constraint(q, t, parameters=problem.parameters)
             G = system.constraint_jacobian(q, t, parameters=problem.parameters)
-            rows, by_q = np.concatenate([rows, f]), np.concatenate([by_q, G])
+            rows, by_q = np.concatenate([rows, f[kept]]), np.concatenate([by_q, G[kept]])
         by_q = by_q[:, free] * size[free]
         if not (np.isfinite(rows).all() and np.isfinite(by_q).all() and by_q.any(axis=1).all()):
             return None

@@ -196,7 +196,8 @@ class Problem:
             check_on_surface(self)
         if self.system.r:
             check_rows(self.system)
-            check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
+            if self.asked is None:  # places that are found are not the question's
+                check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
         if isinstance(self.end, Periodic) and self.end.relabel is not None:
             check_alike(self)
 

@@ -167,6 +167,10 @@ def _through_given(
     tried = 0
     for path, times in islice(ways(), MOST_WAYS):
         places, asked = path(times).T, problem.found_at(times)
+        for k, event in enumerate(asked.joints_found):
+            if len(event.pinned) < problem.system.n:  # there it may be outside of the obstacle
+                out = onto(asked, event, places[k], event.t, asked.scales, outside=True)
+                places[k] = places[k] if out is None else out
         pairs = zip(asked.joints_found, places.tolist(), strict=True)
         start, *through, end = (
             Event(e.t, [y if x is None else x for x, y in zip(e.q, q, strict=True)])

@@ -373,6 +373,9 @@ class Along(Workspace[Iterate]):
         self.inside = float(depth.max(initial=0.0))
         inside = depth > max(INSIDE * known, allowed)
         pulled = on & is_pulled(push, unit)
+        for node in here.tr.joints:  # an event's impulse is in the multipliers at its node
+            at, rows = t == here.mesh.nodes[node], here.rows[node, self.question.system.m :]
+            pulled[:, at] |= on[:, at] & is_pulled(-rows[:, None], unit)
         found = [
             arc
             for arc in held.arcs
