@@ -120,8 +120,9 @@ class Solution:
         """Momenta p0 = -dS/dq0 and p1 = +dS/dq1 at the events, each (n,): accurate to order 2d.
 
         Where L contains accelerations, Ostrogradsky's: those of q, then those of v, (order n,).
-        With constraints, those of the motions that the constraints allow. Hamilton and Jacobi's
-        identities; Marsden and West (2001), section 1.3.
+        With constraints, those of the motions that the constraints allow. Of no meaning at
+        an end where the inertia is infinite. Hamilton and Jacobi's identities; Marsden and
+        West (2001), section 1.3.
         """
         if self.ends is not None:
             return self.ends.momenta
