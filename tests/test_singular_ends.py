@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import a_quarter
 from scipy.optimize import brentq, fsolve
-from scipy.special import jv
+from scipy.special import jn_zeros, jv
 
 import actionopt as ao
 from actionopt.analysis.flow import IntegrationError
@@ -219,6 +219,17 @@ def test_where_inertia_vanishes_and_a_force_is_infinite():
     found = ao.solve(ao.Problem(system, ao.Event(0, [0]), ao.Event(1.5, [jv(1, 1.5)])), tol=1e-10)
     t = np.linspace(0, 1.5, 30)
     assert np.abs(found(t)[0] - jv(1, t)).max() < 1e-11
+
+
+def test_conjugate_points_of_paths_from_singular_ends():
+    """u'' = -2 u / r, u = sqrt(r) J_1(sqrt(8 r)); infinite inertia has none, and a sentence."""
+    radial = ao.System(lambda q, v, r: v[0] ** 2 / 2 - q[0] ** 2 / r, ["u"])
+    found = ao.solve(ao.Problem(radial, ao.Event(0, [0]), ao.Event(9, [1])))
+    times = [point.t for point in ao.conjugate_points(found)]
+    assert times == pytest.approx(jn_zeros(1, 2) ** 2 / 8, rel=1e-6)
+    fall = ao.System(lambda q, v, t: v[0] ** 2 / q[0] / 2 - q[0] / 2, ["y"])
+    with pytest.raises(ValueError, match="expected a path whose inertia is finite at its ends"):
+        ao.conjugate_points(ao.solve(ao.Problem(fall, ao.Event(0, [0]), ao.Event(1, [1]))))
 
 
 def test_a_path_from_a_singular_place_is_kept_in_files(tmp_path):

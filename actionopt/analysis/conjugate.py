@@ -29,6 +29,7 @@ from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.tools.blas import one_thread
+from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import Array, NDInt
 
 CONJUGATE_RESOLUTION = 1e-10  # of Jacobi fields and path; ad hoc, below `SAME_ROOT`
@@ -65,7 +66,8 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     accelerations neighbours meet the path with its velocity.
 
     Raises ValueError for a closed path, for non-conservative forces, where L is not convex in the
-    velocities, or where the constraints are not independent.
+    velocities, where the inertia is infinite at an end, or where the constraints are not
+    independent.
 
     References
     ----------
@@ -84,6 +86,11 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     whole = len(at.problem.end.pinned) == at.problem.system.n and not solution.problem.through
     if whole and regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) == 0:
         return ()  # as many as the index, and none at the end, where an eigenvalue would vanish
+    if RESTING in solution.mesh.singular_ends:
+        raise ValueError(
+            "expected a path whose inertia is finite at its ends, found an infinite one: "
+            "neighbours have no momentum there to leave with; `morse_index` counts without them"
+        )
     roots: list[float] = []
     plane: Array | None = None
     before: Form | None = None
