@@ -120,7 +120,8 @@ class Action:
             [self.element_times(g.elements, mesh.nodes[g.nodes]) for g in layout.groups]
         )
         at, beside = layout.unseen
-        self.times[at] = self.times[beside]
+        if at.size:
+            self.times[at] = self.times[beside]
         self.half = mesh.lengths / 2
         self.halves = [self.half[g.elements][:, None, None] for g in layout.groups]
         weights = [

@@ -114,9 +114,9 @@ def diagonal(system: System, output: int, values: Array) -> Array:
 
 def ends_of(problem: Any) -> Array:
     """Return coordinates (2, n) at both ends: a free one keeps the other's, or is zero."""
-    near = [problem.start.near, problem.end.near]
-    known = np.array([[np.nan if x is None else x for x in row] for row in near])
-    return np.nan_to_num(np.where(np.isnan(known), known[::-1], known))
+    pairs = zip(problem.start.near, problem.end.near, strict=True)
+    known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
+    return np.array([[x or 0.0 for x in pair] for pair in known]).T
 
 
 def _close(a: float | None, b: float | None) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable, Mapping, Set
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -168,10 +167,12 @@ def entries(value: Any) -> list[Any] | None:
 
     An array without axes says that it can be iterated over, and cannot.
     """
-    with suppress(TypeError):
-        if not isinstance(value, (str, bytes)):
-            return list(value)
-    return None
+    if isinstance(value, (str, bytes)):
+        return None
+    try:
+        return list(value)
+    except TypeError:
+        return None
 
 
 def check_jobs(jobs: int) -> None:
