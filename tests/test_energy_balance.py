@@ -2,6 +2,7 @@
 
 import re
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -460,3 +461,15 @@ def straight(lagrangian):
     mesh = ao.Mesh.uniform(0.0, 1.0, 4, 12)
     problem = ao.Problem(ao.System(lagrangian, ["x"]), ao.Event(0.0, [-1.0]), ao.Event(1.0, [1.0]))
     return DiscretePath.of(problem, ao.Path.interpolate(lambda t: [2 * t - 1], mesh))
+
+
+def test_a_table_ends_with_a_step():
+    """Beyond its ends it is zero: there the path jumps in energy, and within it does not."""
+    at = np.linspace(-2, 2, 41)
+    table = ca.interpolant("V", "bspline", [at], np.cos(3 * at))
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - table(q[0]), ["x"])
+    inside, beyond = (
+        ao.solve(ao.Problem(system, ao.Event(0, [0.0]), ao.Event(1, [x])), throw=False).status
+        for x in (1.9, 3.0)
+    )
+    assert inside is ao.Status.SOLVED and beyond is ao.Status.JUMP
