@@ -539,8 +539,8 @@ class Problem:
         return () if clock is None else instants(clock, *ends, self.packed)
 
     @cached_property
-    def singular_ends(self) -> tuple[bool, bool]:
-        """Whether L is infinite at the start, and at the end, whatever the velocity is."""
+    def singular_ends(self) -> tuple[int, int]:
+        """What the start and the end are: not 0 where L is infinite, whatever the velocity is."""
         return singular_ends(self)
 
     @property
