@@ -86,6 +86,18 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
             del first  # or it would refer to itself
 
 
+def is_from_handler(error: BaseException) -> bool:
+    """Return whether the handler of a signal, as `signal` knows it now, raised an error."""
+    functions = (getattr(_get(number), "__func__", _get(number)) for number in _SIGNALS)
+    codes = {code for f in functions if (code := getattr(f, "__code__", None)) is not None}
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code in codes:
+            return True
+        trace = trace.tb_next
+    return False
+
+
 def leave_interruptions() -> None:
     """Let Ctrl-C in a terminal, which all its processes are told of, be for who gives out tasks.
 
