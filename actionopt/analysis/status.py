@@ -39,7 +39,8 @@ class Status(Enum):
     )
     NOT_LEAST = (
         "the path is stationary but not least: the second variation is negative on some "
-        "variation, as past a conjugate point; try principle='stationary' or 'auto'"
+        "variation, as past a conjugate point; try another guess, or, without an obstacle, "
+        "principle='stationary' or 'auto'"
     )
     JUMP = (
         "the Lagrangian jumps on a surface that the path crosses, and the energy with it: the "
