@@ -393,7 +393,8 @@ def test_a_closed_path_that_shrinks_to_a_rest_is_given_up_at_once():
     spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - 0.3 * q[0] ** 2 - 0.325 * q[0] ** 4, ["x"])
     problem = ao.Problem(spring, ao.Event(0.0, [0.0]), Periodic(12.3))
     found = ao.solve(problem, guess=lambda t: [0.24 * np.sin(2 * np.pi * t / 12.3)], throw=False)
-    assert found.status is ao.Status.NOT_FOUND
+    # How small it gets before that is noticed, round-off decides.
+    assert found.status in (ao.Status.NOT_FOUND, ao.Status.UNRESOLVED)
     assert all(part["unknowns"] < 1000 for part in found.stats["rounds"])  # 300 000 otherwise
 
 
