@@ -540,7 +540,10 @@ class Problem:
 
     @cached_property
     def singular_ends(self) -> tuple[int, int]:
-        """What the start and the end are: not 0 where L is infinite, whatever the velocity is."""
+        """Where L is infinite at any velocity, at the start and the end: 1, or 2 with the inertia.
+
+        0 where it is finite, see `mechanics.singular_ends`.
+        """
         return singular_ends(self)
 
     @property

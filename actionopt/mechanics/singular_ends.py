@@ -20,9 +20,8 @@ from actionopt.tools.types import Array
 CHECKED_VELOCITIES = 4  # at an event
 LEAVING_POWERS = (1, 2, 3)  # of the time, with which a smooth path may leave
 LEAVING_PARTS = np.array([1e-2, 1e-3, 1e-6])  # parts of the duration until then
-FINITE_GROWTH = (
-    3.0  # from the first of these to the last, of what stays finite: 1 / sqrt(t) grows by 100
-)
+# From the first of these to the last, of what stays finite: 1 / sqrt(t) grows by 100.
+FINITE_GROWTH = 3.0
 BESIDE_EVENT = 1e-3  # of the coordinates' sizes and of the duration: near an event, and not there
 
 
@@ -47,16 +46,15 @@ def _kind(problem: Any, event: Any) -> int:
     n = problem.system.n
     if event.t is None or not np.isfinite(event.t) or len(event.pinned) < n:
         return 0
-    rates = problem.scales / (1.0 if problem.free_time else problem.duration)
+    T = 1.0 if problem.free_time else problem.duration
+    rates = problem.scales / T
     q = np.array(event.q, dtype=float)
     if not nonfinite(problem, q, event.t, rates):
         return 0
     inward = 1 if event is problem.start else -1
-    beside = [
-        (q, event.t + inward * BESIDE_EVENT * (1.0 if problem.free_time else problem.duration))
-    ]
-    beside += [(q + step, event.t) for step in BESIDE_EVENT * np.diag(problem.scales)]
-    beside += [(q - step, event.t) for step in BESIDE_EVENT * np.diag(problem.scales)]
+    steps = BESIDE_EVENT * np.diag(problem.scales)
+    beside = [(q, event.t + inward * BESIDE_EVENT * T)]
+    beside += [(q + step, event.t) for step in (*steps, *-steps)]
     if all(nonfinite(problem, *place, rates) for place in beside):
         return 0  # it overflows
     at = q[None], rates[None], np.array([[event.t]]), problem.packed

@@ -302,10 +302,8 @@ class Workspace(Generic[Place]):
 
     def with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch, if it is not the user's."""
-        instants, mesh = (
-            self.problem.boundaries,
-            with_singular_ends(mesh, self.problem.singular_ends),
-        )
+        instants = self.problem.boundaries
+        mesh = with_singular_ends(mesh, self.problem.singular_ends)
         if self.refines:
             mesh = with_degrees(mesh, self.problem.system.order)
         return with_boundaries(mesh, instants) if self.refines and instants else mesh
