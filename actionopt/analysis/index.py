@@ -14,6 +14,7 @@ rate, and int eta.L_vv eta dt / T^2 is added to the form beside mu.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -23,7 +24,6 @@ import numpy as np
 from actionopt.analysis.jacobi import improve, resolve
 from actionopt.analysis.regular import regular_index
 from actionopt.analysis.second_variation import (
-    BorderTerm,
     Form,
     check_legendre,
     condense,
@@ -31,7 +31,7 @@ from actionopt.analysis.second_variation import (
     second_derivatives,
 )
 from actionopt.discrete.bordered import Bordered, equations_of, null_space
-from actionopt.discrete.borders import Rows, moves_of, times_of
+from actionopt.discrete.borders import PhaseCondition, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, diagonal, full
 from actionopt.discrete.increments import Increments, is_stiff
@@ -123,35 +123,35 @@ def inertia(
         index = regular_index(at, error, max(known, NEAR_ZERO))
         if index is not None:
             return Inertia(index, 0, None, known)
-    return _count(at, error, moves)[0]
+    return _count(at, error, moves)
 
 
-def _count(
-    at: DiscretePath, error: float, moves: int, asked: tuple[Bordered, Array] | None = None
-) -> tuple[Inertia, Form | None]:
-    """Return the inertia over a given duration, and the form on which it was counted.
-
-    None where L contains accelerations: then it is counted on the mesh of the path.
+def _count(at: DiscretePath, error: float, moves: int) -> Inertia:
+    """Return the inertia over a given duration, on the path's own mesh where L has accelerations.
 
     An eigenvalue that is zero comes to zero as the path comes to be exact, and another one does
-    not: those that are near zero are counted again along a better path, which solves the equations
-    `asked` where its duration was found: a family may be of one duration, and not of those beside.
+    not: those that are near zero are counted again along a better path.
     """
     tolerance = tolerance_of(error)
     if at.tr.order > 1:
-        return _on_its_mesh(at, at.tr, at.z, tolerance), None
+        return _on_its_mesh(at, at.tr, at.z, tolerance)
     form = resolve(at, error, INDEX_RESOLUTION)
     found = _all_moves(form, max(tolerance, NEAR_ZERO), moves)
     if found.nullity <= moves:
-        return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE)), form
-    if not error <= POLISHED:
-        with suppress(ValueError):  # a spurious path may be resolved on no mesh
-            if asked is not None:
-                found = with_duration(found, *asked, form)
-            better = improve(at, POLISHED, found.nullity - moves)
-            if better is not None:
-                form, tolerance = better, INDEX_TOLERANCE
-    return _all_moves(form, tolerance, moves), form
+        return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE))
+    better = _better_form(at, error, found.nullity - moves)
+    if better is not None:
+        form, tolerance = better, INDEX_TOLERANCE
+    return _all_moves(form, tolerance, moves)
+
+
+def _better_form(at: DiscretePath, error: float, nullity: int) -> Form | None:
+    """Return the form along a better path than one known to `error`; None if there is none."""
+    if error <= POLISHED:
+        return None
+    with suppress(ValueError):  # a spurious path may be resolved on no mesh
+        return improve(at, POLISHED, nullity)
+    return None
 
 
 def _all_moves(form: Form, tolerance: float, moves: int) -> Inertia:
@@ -165,33 +165,47 @@ def _all_moves(form: Form, tolerance: float, moves: int) -> Inertia:
 def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     """Return the index and nullity of a path whose duration was found, or that closes anywhere.
 
-    Its duration varies with it, S + E T is what is lowered. Where the paths over fixed durations
-    follow one another as T changes, that has one direction more, along them, in which it bends by
-    d2S/dT2 = -dE/dT. What moves a closed path along itself, or as a whole by a symmetry of L, makes
-    no other path of it, but where the start gives coordinates.
+    Its duration varies with it, S + E T is what is lowered: index = negative eigenvalues of the
+    second derivative of W in everything unknown - multipliers, as `inertia_through` has it. What
+    moves a closed path along itself, or as a whole by a symmetry of L, makes no other path of it,
+    but where the start gives coordinates: phase conditions keep it from that, and those moves are
+    counted as vanishing eigenvalues.
     """
-    asked, touches = at.problem.original, at.problem.touches
-    moves = () if touches else moves_of(asked)
-    times = times_of(at.problem)
+    tolerance = tolerance_of(error)
+    if at.problem.touches or at.problem.original.integral is not None or at.tr.order > 1:
+        return _beside(at, tolerance, None)
+    form = resolve(at, error, INDEX_RESOLUTION)
+    found = inertia_beside(form, max(tolerance, NEAR_ZERO))
+    if found.nullity <= found.moves:
+        return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE))
+    better = _better_form(at, error, found.nullity - found.moves)
+    if better is not None:
+        form, tolerance = better, INDEX_TOLERANCE
+    return inertia_beside(form, tolerance)
+
+
+def inertia_beside(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
+    """Return the inertia of a path and of what was found beside it, on the mesh of a form."""
+    return _beside(form.at, tolerance, form)
+
+
+def _beside(at: DiscretePath, tolerance: float, form: Form | None) -> Inertia:
+    asked, path = at.problem.original, at.path
+    moves = () if at.problem.touches else moves_of(asked)
     kappa = at.problem.kappa if asked.integral is not None else None
-    path, rows = at.path, at.rows if at.tr.layout.rows else None
-    lam = None if rows is None else np.nan_to_num(rows)
-    bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves, times=times, kappa=kappa)
-    if touches or asked.integral is not None:
-        found = _on_its_mesh(bordered.discrete(y), bordered, y, tolerance_of(error))
-        shifts = bordered.phases - len(bordered.start_coordinates)
-        return replace(found, nullity=found.nullity + shifts, moves=shifts)
-    known = bordered.phases
-    there = bordered.discrete(y) if asked.closes else at
-    found, form = _count(there, error, known, (bordered, y))
-    found = with_duration(found, bordered, y, form)
-    moves, held = min(found.nullity, known), len(bordered.start_coordinates)
-    if held and form is not None and found.nullity > known:
+    lam = np.nan_to_num(at.rows) if at.tr.layout.rows else None
+    bordered, y = Bordered.around(
+        asked, path, lam, at.tr.lengths, moves, times=times_of(at.problem), kappa=kappa
+    )
+    found = _on_its_mesh(bordered.discrete(y), bordered, y, tolerance, form)
+    if bordered.start_coordinates and found.nullity:
         # What is given chooses of a family; a symmetry may well lead along what is left of that.
-        there = _held_at_start(form, asked.start.pinned)
-        left = _signs(there, found.tolerance, _duration(form, bordered))
-        return replace(found, nullity=left.nullity, moves=0)
-    return replace(found, nullity=found.nullity - min(held, moves), moves=max(moves - held, 0))
+        free, places = bordered.without(PhaseCondition)
+        held = [int(free.first.layout.number[0, i]) for i in asked.start.pinned]
+        left = _on_its_mesh(free.discrete(y), free, y[places], tolerance, form, held)
+        return replace(found, nullity=left.nullity)
+    shifts = bordered.phases - len(bordered.start_coordinates)
+    return replace(found, nullity=found.nullity + shifts, moves=shifts)
 
 
 def inertia_through(at: DiscretePath, error: float) -> Inertia:
@@ -218,18 +232,26 @@ def inertia_on_surfaces(at: DiscretePath, error: float) -> Inertia:
 
 
 def _on_its_mesh(
-    at: DiscretePath, equations: Bordered | Transcription, z: Array, tolerance: float
+    at: DiscretePath,
+    equations: Bordered | Transcription,
+    z: Array,
+    tolerance: float,
+    resolved: Form | None = None,
+    held: Sequence[int] = (),
 ) -> Inertia:
     """Return the inertia of the derivative of the equations of a path on its mesh.
 
-    For a path in contact, variations that keep what is in contact there are counted: to second
-    order S does not depend on the times of contact.
+    The second variation on that mesh, `resolved`, tells which L are refused; without one L_vv does.
+    Variations of the unknowns `held` are not counted. For a path in contact, variations that keep
+    what is in contact there are counted: to second order S does not depend on the times of contact.
     """
     problem, tr = at.problem, at.tr
     if problem.system.structure.forced:
         form(at)  # raises
     mass = second_derivatives(problem, tr.place(at.x).at, tr.place(at.x).v, tr.times)[2]
-    if not (np.linalg.eigvalsh(mass).min(axis=1) > 0).all():
+    if resolved is not None:
+        check_legendre(resolved)
+    elif not (np.linalg.eigvalsh(mass).min(axis=1) > 0).all():
         raise ValueError(
             "expected a Lagrangian that is convex in the velocities (Legendre's strengthened "
             "condition), found one that is not along the path: infinitely many variations lower "
@@ -240,6 +262,9 @@ def _on_its_mesh(
         matrix, multipliers = equations.hessian(z), multipliers + equations.multipliers
     else:
         matrix = equations.kkt(z)
+    springs = np.zeros(layout.size)
+    springs[list(held)] = np.abs(matrix).max()
+    matrix = matrix + diagonal(layout, springs)
 
     stiff = is_stiff(equations, z)
     if stiff and (layout.rows or layout.closed):
@@ -278,88 +303,10 @@ def _at_rest(equations: Bordered | Transcription, z: Array, mass: Array) -> Arra
     weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count)
     whole = (place < n) & ((tr.order == 1) | np.isin(node, layout.offsets))
     inertia = np.diagonal(mass, axis1=1, axis2=2).mean(axis=0)[place % n]
-    found = np.zeros(layout.size)
+    found = np.zeros(equations.layout.size)
     found[: layout.unknowns] = np.where(whole, weight[node] * inertia, 0.0) * tr.x_unit**2
-    nonzeros = diagonal(layout, found / (tr.action_unit * tr.mesh.duration ** (2 * tr.order)))
-    if not isinstance(equations, Bordered):
-        return nonzeros
-    b = equations.layout.border
-    edge = np.zeros((layout.size, b))
-    return equations.layout.join(nonzeros, edge, edge.T, np.zeros((b, b)))
-
-
-def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:
-    """Return a form with springs on the coordinates that the start of a closed path gives.
-
-    In it only those variations still vanish that leave the start where it is.
-    """
-    rows = form.basis[0][list(pinned)]
-    first, r = form.elements[0].copy(), form.freedom
-    first[:r, :r] += np.abs(np.diag(form.elements[0])).max() * rows.T @ rows
-    return replace(form, elements=[first, *form.elements[1:]])
-
-
-def with_duration(found: Inertia, bordered: Bordered, y: Array, form: Form | None) -> Inertia:
-    """Return the inertia with the duration varying, from that over a fixed one."""
-    if bordered.log_duration is None:
-        return found
-    if found.nullity > bordered.phases:
-        beside = None if form is None else _duration(form, bordered)
-        if beside is None or form is None:  # as where fixed durations have a fold
-            return replace(found, index=found.index + 1, nullity=found.nullity - 1)
-        return _signs(form, found.tolerance, beside, found.smallest)
-    bend = bordered.bend(y)
-    if abs(bend) <= found.tolerance:
-        return replace(found, nullity=found.nullity + 1)
-    return replace(found, index=found.index + (bend < 0))
-
-
-def _signs(
-    form: Form,
-    tolerance: float,
-    beside: tuple[BorderTerm, float] | None,
-    smallest: float | None = None,
-) -> Inertia:
-    """Return the inertia of a form with a variable beside its path, which has a kinetic part."""
-
-    def below(mu: float) -> int:
-        variable = beside and beside[0]._replace(own=beside[0].own - mu * beside[1])
-        return condense(form, form.shifted(kinetic=mu), variable).negative
-
-    index = below(-tolerance)
-    return Inertia(index, below(tolerance) - index, smallest, tolerance)
-
-
-def _duration(form: Form, bordered: Bordered) -> tuple[BorderTerm, float] | None:
-    """Return log T as a variable beside the path of a form, and its kinetic part.
-
-    None where that is given, or constraints move with it: variations do not keep them then.
-    """
-    if bordered.log_duration is None:
-        return None
-    at, tr, asked = form.at, form.at.tr, bordered.problem
-    lam = np.nan_to_num(at.rows) if tr.layout.rows else None
-    there, y = Bordered.around(asked, at.path, lam, tr.lengths)
-    row, layout = there.by_duration(y), there.first.layout
-    surfaces = any(isinstance(border, Rows) for border in there.borders)
-    if surfaces or row[layout.unknowns : layout.size].any():
-        return None
-    unit = there.first.action_unit
-    across = np.zeros(tr.mesh.nodes.size * asked.system.n)
-    across[layout.free] = row[: layout.unknowns] * unit / there.first.x_unit
-    nodes = np.einsum("kn,knr->kr", across.reshape(tr.mesh.nodes.size, -1) * form.units, form.basis)
-    parts: list[Array] = [np.empty(0)] * len(form.elements)
-    for g in tr.layout.groups:
-        for e, of in zip(g.elements, g.nodes, strict=True):
-            first = of if e == 0 else of[1:]  # nodes between elements once
-            parts[e] = np.concatenate(
-                [np.zeros((of.size - first.size, form.freedom)), nodes[first]]
-            ).ravel()
-    point = tr.place(at.x)
-    mass = asked.system.pointwise("second").product(2, tr.second(at.x)[2], point.v, symmetric=True)
-    kinetic = float(np.sum(tr.weight * point.v * mass))
-    assert there.log_duration is not None
-    return BorderTerm(float(row[there.log_duration]) * unit, parts), kinetic
+    found /= tr.action_unit * tr.mesh.duration ** (2 * tr.order)
+    return diagonal(equations.layout, found)
 
 
 def tolerance_of(error: float) -> float:

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -367,13 +366,6 @@ def check_legendre(form: Form) -> None:
         )
 
 
-class BorderTerm(NamedTuple):
-    """A variable that varies with the path: its own second derivative, and those across, (N,)."""
-
-    own: float
-    across: list[Array]
-
-
 @dataclass(frozen=True, eq=False)
 class SchurComplement:
     """What is left when a path is eliminated.
@@ -390,46 +382,32 @@ class SchurComplement:
     hessian: Array
 
 
-def condense(
-    form: Form, elements: list[Array] | None = None, beside: BorderTerm | None = None
-) -> SchurComplement:
+def condense(form: Form, elements: list[Array] | None = None) -> SchurComplement:
     """Eliminate all variations of the path but those of its pinned ends.
 
-    Parameters
-    ----------
-    form : Form
-    elements : list of arrays, optional
-        Element matrices in place of those of d2S, as `Form.shifted` returns them.
-    beside : BorderTerm, optional
-        A variable that varies with the path. It is kept until the end, and eliminated there.
+    `elements` are matrices in place of those of d2S, as `Form.shifted` returns them.
     """
     elements = form.elements if elements is None else elements
     r, (keep, keep_end) = form.freedom, form.pinned
-    more = int(beside is not None)  # rows in front of all others
-    first = more + (r if form.closed else keep)
-    front, negative = np.zeros((more + r, more + r)), 0
-    if beside is not None:
-        front[0, 0] = beside.own
+    first = r if form.closed else keep
+    front, negative = np.zeros((r, r)), 0
     for e, E in enumerate(elements):
         old = front.shape[0]
         size = old + E.shape[0] - r
         grown = np.zeros((size, size))
         grown[:old, :old] = front
         grown[old - r :, old - r :] += E
-        if beside is not None:
-            grown[0, old - r :] += beside.across[e]
-            grown[old - r :, 0] += beside.across[e]
         if e < len(elements) - 1:
             front, count = _eliminate(grown, first, size - r, force=False)
             negative += count
             continue
         if form.closed:
-            grown = _join(grown, more + np.arange(keep, r), np.arange(size - r + keep, size))
+            grown = _join(grown, np.arange(keep, r), np.arange(size - r + keep, size))
             last = np.arange(size - r, size - r + keep)
         else:
             last = np.arange(size - r, size - r + keep_end)
-        # The free directions of the last node go as well, and the variable beside the path.
-        start = more + np.arange(keep)
+        # The free directions of the last node go as well.
+        start = np.arange(keep)
         rest = np.setdiff1d(np.arange(len(grown)), np.r_[start, last])
         order = np.r_[start, rest, last]
         grown = grown[np.ix_(order, order)]

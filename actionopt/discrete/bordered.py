@@ -161,35 +161,18 @@ class Bordered:
         """How many of the unknowns are multipliers beside those of the path's rows."""
         return sum(border.multipliers for border in self.borders)
 
-    def without_phase(self) -> tuple[Border, ...]:
-        """Return the borders but for those of a phase."""
-        return tuple(b for b in self.borders if not isinstance(b, PhaseCondition))
-
-    def with_integrals_alone(self) -> tuple[Bordered, NDInt]:
-        """Return those with no borders but of integrals, and where their unknowns are in y."""
-        pairs = list(zip(self.borders, self.parts, strict=True))
-        kept = [(b, part) for b, part in pairs if isinstance(b, Integral)]
+    def without(self, *kinds: type) -> tuple[Bordered, NDInt]:
+        """Return those without the borders of some kinds, and where their unknowns are in y."""
+        pairs = zip(self.borders, self.parts, strict=True)
+        kept = [(b, part) for b, part in pairs if not isinstance(b, kinds)]
         other = Bordered(self.problem, self.first, tuple(b for b, _ in kept))
         inner, places = np.arange(self.first.layout.size), np.arange(self.layout.size)
         return other, np.concatenate([inner, *(places[part] for _, part in kept)])
-
-    def without_integrals(self, y: Array) -> tuple[Bordered, Array]:
-        """Return those of a path whose integrals may have any value, at multipliers zero."""
-        pairs = zip(self.borders, self.parts, strict=True)
-        kept = [(b, y[part]) for b, part in pairs if not isinstance(b, Integral)]
-        other = Bordered(self.problem, self.first, tuple(b for b, _ in kept))
-        return other, np.concatenate([y[: self.first.layout.size], *(beta for _, beta in kept)])
 
     @property
     def lengths(self) -> Array:
         """Units of the coordinates, (n,)."""
         return self.first.lengths
-
-    @property
-    def log_duration(self) -> int | None:
-        """The number of log T among the unknowns, None where the duration is given."""
-        found = self.times_border
-        return found[1].start if found is not None and found[0].first.size == 1 else None
 
     @property
     def forces(self) -> slice:
@@ -359,26 +342,6 @@ class Bordered:
         D[:, own] = of_times @ dt
         D[own] = D[:, own].T
         D[own, own] = dt.T @ bend.times @ dt + border.twice(y[part], border.slopes(at, gradient))
-
-    def bend(self, y: Array) -> float:
-        """Return d2S/d(log T)2 along the paths over fixed durations, in units of action.
-
-        Raises numpy.linalg.LinAlgError where they do not follow one another.
-        """
-        K, B, C, D = self._derivatives(y)
-        assert self.log_duration is not None
-        k = self.log_duration - len(B)
-        row, column, own = np.r_[C[k], D[k]], np.r_[B[:, k], D[:, k]], D[k, k]
-        B[:, k], C[k], D[k], D[:, k], D[k, k] = 0.0, 0.0, 0.0, 0.0, 1.0
-        row[self.log_duration] = column[self.log_duration] = 0.0
-        return float(own - row @ Factors(self.layout, self.layout.join(K, B, C, D)).solve(column))
-
-    def by_duration(self, y: Array) -> Array:
-        """Return the derivative of T (E - H) by the unknowns, log T among them, (size,)."""
-        _, B, C, D = self._derivatives(y)
-        assert self.log_duration is not None
-        k = self.log_duration - len(B)
-        return np.r_[C[k], D[k]]
 
     def relative_step(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step, as a function of time."""

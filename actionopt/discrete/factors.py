@@ -305,6 +305,11 @@ def product(layout: MatrixLayout, nonzeros: Array, z: Array) -> Array:
 
 def diagonal(layout: MatrixLayout, values: Array) -> Array:
     """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""
+    if isinstance(layout, BorderedLayout):
+        size = layout.inner.size
+        edge = np.zeros((size, layout.border))
+        own = diagonal(layout.inner, values[:size])
+        return layout.join(own, edge, edge.T, np.diag(values[size:]))
     if layout.storage == "blocks":
         return layout.blocks.diagonal(values)
     pattern = layout.kkt

@@ -14,7 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
-from actionopt.analysis.index import NEAR_ZERO, inertia_of, inertia_through, with_duration
+from actionopt.analysis.index import NEAR_ZERO, inertia_beside, inertia_of, inertia_through
 from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import sign_of
 from actionopt.analysis.monodromy import transport_matrix
@@ -364,10 +364,8 @@ class _TraceRun:
                 if index is not None:
                     return index
             found = resolve(point.at, self.tol, TRACE_RESOLUTION)
-            inertia = inertia_of(found)
-            if isinstance(point.tr, Bordered):
-                inertia = with_duration(inertia, point.tr, point.z, found)
-            return inertia.index
+            count = inertia_beside if isinstance(point.tr, Bordered) else inertia_of
+            return count(found).index
         except ValueError as error:
             raise _Uncounted(_without(error)) from None
 

@@ -115,7 +115,8 @@ def soft_directions(here: Iterate, bordered: Bordered) -> list[Array]:
     first, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((cut, count)))
     beside = np.zeros((here.tr.layout.size, count))
     beside[:cut] = shares(here.tr)[:, None] * first
-    borders = *bordered.without_phase(), PhaseCondition(beside, beside.T, np.zeros(count))
+    others = bordered.without(PhaseCondition)[0].borders
+    borders = *others, PhaseCondition(beside, beside.T, np.zeros(count))
     equations = Bordered(bordered.problem, bordered.first, borders)
     known = here.z[: bordered.forces.start]
     factors = Factors(equations.layout, equations.kkt(np.concatenate([known, np.zeros(count)])))

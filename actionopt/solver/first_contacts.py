@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from actionopt.discrete.borders import times_of
+from actionopt.discrete.borders import PhaseCondition, Rows, Times, times_of
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
@@ -109,7 +109,7 @@ def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) ->
         outside = tr.layout.row_constraint >= free.system.m
         equations, own = tr, slice(None, tr.layout.size)
         if free.integral is not None:
-            equations, own = ws.here.equations.with_integrals_alone()
+            equations, own = ws.here.equations.without(Rows, Times, PhaseCondition)
         attempt = find(equations, ws.here.z[own], principle, outside)
     ws.record.iterations["ipopt"] += attempt.iterations
     ws.unbounded = attempt.status == "Diverging_Iterates"

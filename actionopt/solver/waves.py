@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import times_of
+from actionopt.discrete.borders import Integral, times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
 from actionopt.discrete.integrals import integrals
@@ -127,9 +127,9 @@ def first_guessed(problem: Problem, path: Path, times: Array) -> Iterator[tuple[
     yield path, times
     lengths, none = problem.found_at(times).lengths, np.zeros(np.size(problem.integral or ()))
     path = path.on(with_degrees(path.mesh, problem.system.order))
-    whole = Bordered.around(problem, path, None, lengths, times=times, kappa=none)
-    equations, y = whole[0].without_integrals(whole[1])
-    found = approach(equations, y, PATIENT)
+    whole, y = Bordered.around(problem, path, None, lengths, times=times, kappa=none)
+    equations, places = whole.without(Integral)
+    found = approach(equations, y[places], PATIENT)
     if found is not None:
         yield from lead(problem, equations.discrete(found[0]), none)
 
