@@ -19,7 +19,7 @@ from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import SparseFactors, diagonal, factorize_part
 from actionopt.mechanics.scales import diagonal as diagonal_of
-from actionopt.tools.types import EPS, Array
+from actionopt.tools.types import EPS, Array, NDInt
 
 # How much more a mesh may leave out of Jacobi fields, the root of how far eigenvalues are off, than
 # of the coefficients of d2S, which is as far: both far below the tolerance of a sign. Derived.
@@ -109,8 +109,8 @@ class AssembledForm:
         """Return what `forces` (K, n, c) add to the equations, (size, c)."""
         tr, layout = self.at.tr, self.at.tr.layout
         found = np.zeros((layout.size, forces.shape[2]))
-        for c in range(forces.shape[2]):
-            found[: layout.unknowns, c] = tr.free_part(forces[:, :, c].ravel())
+        units = (tr.x_unit / tr.action_unit)[:, None]
+        found[: layout.unknowns] = forces.reshape(-1, forces.shape[2])[layout.free] * units
         return found
 
     @property
@@ -141,6 +141,29 @@ class AssembledForm:
             summed = np.bincount(layout.scatter, force.ravel(), eta[:, :, c].size)
             found[:, :, c] = summed.reshape(eta.shape[:2])
         return found
+
+    def end_forces(self, k: int) -> tuple[NDInt, Array]:
+        """Return the nodes of the first element (k = 0) or the last one (k = -1), (d + 1,).
+
+        And the change of dS/dq there with the place of the path's end, (d + 1, n, n).
+        """
+        tr, layout = self.at.tr, self.at.tr.layout
+        end, second = (0, layout.node_count - 1)[k], self.at.problem.system.pointwise("second")
+        i, e = next(
+            (i, e) for i, g in enumerate(layout.groups) for e in (g.nodes[:, k] == end).nonzero()[0]
+        )
+        g, half = layout.groups[i], tr.halves[i][e]
+        points = g.rule.degree + 1
+        span = slice(g.span.start + e * points, g.span.start + (e + 1) * points)
+        A, B, C = (second.full(j, x[span], symmetric=j != 1) for j, x in enumerate(self.second))
+        slope, weight = (
+            (g.rule.derivative[:, k] / half.ravel())[:, None, None],
+            tr.weight[span, None],
+        )
+        p, force = C * slope, weight * B * slope
+        p[k] += B[k].T
+        force[k] += weight[k] * A[k]
+        return g.nodes[e], force + np.tensordot(g.rule.weighted_derivative.T, p, 1)
 
 
 def assemble(first: DiscretePath, error: float, fields: float) -> AssembledForm | None:

@@ -35,7 +35,6 @@ from actionopt.tools.types import RANK, Array
 
 # Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
 SENSITIVITY_RESOLUTION = 1e-8
-REFINED = 1  # times: sparse factors of constrained paths are off by 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,32 +199,41 @@ def _second_alone(at: DiscretePath, error: float) -> tuple[Array, Array, Array]:
 def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
     """Return the second derivatives, what is between the ends eliminated; None if that fails."""
     at, tr, layout = form.at, form.at.tr, form.at.tr.layout
-    problem, n = at.problem, at.problem.system.n
+    problem, m = at.problem, at.problem.system.m
     ends = [0, layout.node_count - 1]
     t = tr.mesh.nodes[ends, None]
     planes = tangent(problem, at.Q[ends], t, tr.lengths) * tr.lengths[:, None]
-    eta = np.zeros((layout.node_count, n, 2 * n))
-    for k, event in enumerate((problem.start, problem.end)):
-        pinned = list(event.pinned)
-        reached = planes[k] @ np.linalg.pinv(planes[k])
-        eta[ends[k], :, k * n + np.array(pinned, dtype=int)] = reached[:, pinned].T
-    forces = form.forces(eta)
+    given = problem.start.pinned, problem.end.pinned
+    allowed = (plane if m else plane[:, list(k)] for plane, k in zip(planes, given, strict=True))
+    moved = [np.linalg.qr(plane)[0] for plane in allowed]
+    cut = moved[0].shape[1]
+    parts = slice(0, cut), slice(cut, cut + moved[1].shape[1])
+    forces = np.zeros((*at.Q.shape, parts[1].stop))
+    for k, (part, plane) in enumerate(zip(parts, moved, strict=True)):
+        nodes, by_end = form.end_forces(-k)
+        forces[nodes, :, part] += by_end @ plane
     loads = form.loads(forces)
     try:
         between = form.factors.solve(loads)
-        for _ in range(REFINED if layout.rows else 0):
-            left = [product(layout, form.matrix, column) for column in between.T]
-            between += form.factors.solve(loads - np.stack(left, axis=1))
     except np.linalg.LinAlgError:  # conjugate
         return None
     if not np.isfinite(between).all():
         return None
-    by_ends = forces[ends]
-    if problem.system.m:
+    follow = loads.T @ between
+    if layout.rows:  # the factors are off by 1e-10, and this by the square of it
+        left = [product(layout, form.matrix, column) for column in between.T]
+        follow += between.T @ (loads - np.stack(left, axis=1))
         bend = form.node_weights[ends, None, None] * curvature(problem, at.Q[ends], at.lam[ends], t)
-        by_ends += bend @ eta[ends]
-    hessian = np.einsum("kac,kad->cd", eta[ends], by_ends) - tr.action_unit * loads.T @ between
-    return hessian[:n, :n], hessian[:n, n:], hessian[n:, n:]
+        for end, part, plane, matrix in zip(ends, parts, moved, bend, strict=True):
+            forces[end, :, part] += matrix @ plane
+    by_ends = np.concatenate([plane.T @ forces[e] for e, plane in zip(ends, moved, strict=True)])
+    hessian = by_ends - tr.action_unit * follow
+    first, last = moved
+    return (
+        first @ hessian[:cut, :cut] @ first.T,
+        first @ hessian[:cut, cut:] @ last.T,
+        last @ hessian[cut:, cut:] @ last.T,
+    )
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:

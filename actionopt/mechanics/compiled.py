@@ -104,8 +104,8 @@ class Pointwise:
         if transposed:
             rows, cols = cols, rows
         if symmetric:
-            off = rows != cols
-            rows, cols = np.r_[rows, cols[off]], np.r_[cols, rows[off]]
+            off = (rows != cols).nonzero()[0]
+            rows, cols = np.concatenate([rows, cols[off]]), np.concatenate([cols, rows[off]])
             nonzeros = np.concatenate([nonzeros, nonzeros[:, off]], axis=1)
         size = self.function.size_out(output)
         count, height = len(nonzeros), size[1] if transposed else size[0]
