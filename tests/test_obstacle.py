@@ -548,6 +548,43 @@ def test_ropes_that_grow_come_to_lie_on_the_floor():
         ao.solve(problem.replace(integral=np.hypot(D, a - b) - 0.1))
 
 
+def test_a_branch_of_free_duration_follows_contact():
+    """At the energy E it takes the length over sqrt(2 E), and S = E T."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2,
+        ["x", "y"],
+        parameters={"r": 0.6},
+        obstacle=lambda q, t, *, r: q @ q - r**2,
+    )
+    A, B = [-2.0, 0.3], [1.5, 0.3]
+    problem = ao.Problem(system, ao.Event(0, A), ao.Event(None, B), energy=0.5)
+    found = ao.trace(problem, "r", 1.0)
+    assert "reached the goal" in found.stopped and not found.indices.any()
+    T = np.sqrt(2 * around(A, B)[1])
+    assert [found.durations[-1], found.actions[-1]] == pytest.approx([T, T / 2], abs=1e-10)
+
+
+@pytest.mark.slow
+def test_branches_along_an_obstacle_of_what_is_found_beside_the_path():
+    """Ropes of a length, and strings through an event whose time is found; contact may begin."""
+    a, b, c = 1.0, 0.8, 0.6
+    D = c * (np.arccosh(1 + a / c) + np.arccosh(1 + b / c))
+    touching = on_floor(c, a, b, D)[1]
+    problem = ao.Problem(rope(), ao.Event(0, [a]), ao.Event(D, [b]), integral=touching - 0.05)
+    c = 0.45
+    left, right = c * np.arccosh(1 + a / c), c * np.arccosh(1 + b / c)
+    _, length, weight, _ = on_floor(c, a, b, D)
+    assert left + right < D
+    found = ao.trace(problem, ("integral", 0), length)
+    assert "reached the goal" in found.stopped and not found.indices.any()
+    assert found.actions[-1] == pytest.approx(weight)
+    A, B, C = [-2.0, 0.3], [0.5, 1.6], [1.8, 0.1]
+    through = ao.Problem(body(disc()), ao.Event(0, A), ao.Event(3, C), through=[ao.Event(None, B)])
+    found = ao.trace(through, ("through", 0, "y"), 1.2)
+    both = sum(shortest(*pair)[0] for pair in ((A, [0.5, 1.2]), ([0.5, 1.2], C)))
+    assert found.actions[-1] == pytest.approx(both**2 / 6, abs=1e-10)
+
+
 def shortest(A, B):
     """Return the length of the shortest way outside of the unit disc, and if it touches."""
     A, B = np.array(A), np.array(B)
@@ -679,7 +716,6 @@ def test_what_does_not_know_contact_says_so():
     problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
     sol = ao.solve(problem)
     for ask in (
-        lambda: ao.trace(problem.replace(end=problem.end.at(None), energy=1.0), "g", 3.0),
         lambda: ao.integrate(problem.system, sol.start, 1.0),
         lambda: ao.find_symmetries(problem.system),
         lambda: ao.noether(problem.system, [1.0]),

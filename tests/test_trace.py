@@ -405,6 +405,13 @@ def test_waypoints_move_along_a_trace(vary, to):
     assert "reached the goal" in found.stopped
 
 
+def test_durations_change_where_the_way_stays():
+    """Straight from one point to another, sqrt(5) apart, at sqrt(2 E)."""
+    problem = ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(None, [2, 1]), energy=0.5)
+    found = trace(problem, "energy", 2.0)
+    assert found.durations == pytest.approx(np.sqrt(2.5 / found.values), rel=1e-12)
+
+
 def test_a_rope_grows():
     """y = a cosh(x / a) + c with 2 a sinh(1 / a) as length: dS/dl = -kappa."""
 

@@ -114,19 +114,21 @@ class Branch:
     def first_unknowns(self, path: Path, lam: Array | None, s: float) -> Array:
         """Return the unknowns of the path at s, from which the branch is to begin."""
         problem = self.family(s)
+        if self.arcs:
+            span = None if self.times is None else tuple(self.times.tolist())
+            problem = Held(problem, self.arcs, span=span)
         if problem.has_free_boundary:
             known = problem, path, lam, self.lengths, moves_of(problem)
-            around = Bordered.around(*known, times=self.times, kappa=self.kappa)
-            self.bordered, y = around
-            return y
+            equations, y = Bordered.around(*known, times=self.times, kappa=self.kappa)
+            self.bordered = equations
+        else:
+            like = Transcription(problem, path.mesh, self.lengths) if self.arcs else self.at(s)
+            assert isinstance(like, Transcription)
+            equations, y = like, like.pack(path.values.T, lam)
         if self.arcs:
-            tr = Transcription(Held(problem, self.arcs), path.mesh, self.lengths)
-            self.bordered = ContactEquations(tr)
-            z = tr.pack(path.values.T, lam)
-            return np.concatenate([z, np.zeros(self.bordered.layout.size - z.size)])
-        tr = self.at(s)
-        assert isinstance(tr, Transcription)
-        return tr.pack(path.values.T, lam)
+            self.bordered = ContactEquations(equations)
+            y = np.concatenate([y, np.zeros(self.bordered.layout.size - y.size)])
+        return y
 
     def at(self, s: float) -> Discrete:
         """Return the transcription at s; all share their units."""
@@ -191,11 +193,14 @@ class Branch:
         return None
 
     def _size(self, tr: Discrete, change: Array) -> float:
-        """Return the length of a correction, or how far a time of contact moves if that is more."""
-        size = self.norm(tr, change)
+        """Return the length of a correction, or how far a time moves if that is more."""
+        size, times, own = self.norm(tr, change), np.zeros(0), tr
         if isinstance(tr, ContactEquations):
-            return max(size, float(np.abs(change[tr.first.layout.size : -1]).max()))
-        return size
+            own = tr.equations
+            times = change[own.layout.size : -1]
+        if isinstance(own, Bordered) and own.times_border is not None:
+            times = np.append(times, change[own.times_border[1]])
+        return max(size, float(np.abs(times).max(initial=0.0)))
 
     def _complete(self, point: BranchPoint) -> BranchPoint | None:
         """Return the point with the branch's direction; None where a part in contact is gone."""

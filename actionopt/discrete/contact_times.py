@@ -25,6 +25,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.integrals import integrals_by, integrands
+from actionopt.discrete.layout import border_matrix
 from actionopt.discrete.mesh import Group
 from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.transcription import Transcription
@@ -127,8 +128,9 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
 class ContactEquations:
     """The equations of a path and of its times of contact, J of them, as a branch has them.
 
-    The unknowns are (z, theta): times of contact are farther by theta than on the `first` mesh, in
-    durations. With as many equations, slip = 0.
+    The unknowns are (y, theta), y those of the `equations` of a path whose contact is given: times
+    of contact are farther by theta than on their first mesh, in durations of the legs there, with
+    which they are stretched. With as many equations, slip = 0.
 
     Raises
     ------
@@ -136,58 +138,90 @@ class ContactEquations:
         If contact of one row begins where that of another ends.
     """
 
-    first: Transcription
+    equations: Transcription | Bordered
     held: Held = field(init=False)
 
     def __post_init__(self) -> None:
-        self.held = contacts_of(self.first.problem)
-        self.times, self.lengths = self.held.contact_times, self.first.lengths
+        first = self.first
+        self.held, self.lengths = contacts_of(first.problem), first.lengths
+        self.times = self.held.contact_times
         arcs = [t for arc in self.held.arcs or () for t in (arc.begin, arc.end)]
         if np.sum(~np.isin(arcs, self.held.fixed_times)) != self.times.size:
             raise ValueError(
                 "expected times of contact that differ, found one at which two rows meet: give "
                 "sweep, which looks for contact anew"
             )
-        self.layout = self.first.layout.with_border(self.times.size)
-        self.unit = float(self.first.row_units.max()) / self.held.duration  # of slips
+        self.layout = first.layout.with_border(self.equations.layout.border + self.times.size)
+        self.unit = float(first.row_units.max()) / self.held.duration  # of slips
+
+    @property
+    def first(self) -> Transcription:
+        """The discrete action on the first mesh."""
+        equations = self.equations
+        return equations.first if isinstance(equations, Bordered) else equations
 
     def of(self, problem: Problem) -> ContactEquations:
         """Return those of another member of a family, in the same unknowns."""
         first, old = self.first, self.held
+        if isinstance(self.equations, Bordered):
+            return ContactEquations(self.equations.of(Held(problem, old.arcs, span=old.span)))
         ends = problem.start.t, problem.end.t
         mesh = carry_boundaries(first.mesh, old.instants, problem.instants, *ends)
         moved = dict(zip(first.mesh.boundaries.tolist(), mesh.boundaries.tolist(), strict=True))
         arcs = tuple(Arc(x.row, moved[x.begin], moved[x.end]) for x in old.arcs or ())
         return ContactEquations(Transcription(Held(problem, arcs), mesh, self.lengths, like=first))
 
-    def discrete(self, y: Array) -> DiscretePath:
-        """Return the path of unknowns y. Raises LinAlgError where a part in contact is gone."""
-        cut, T = self.first.layout.size, self.held.duration
-        tr, theta = self.first, y[cut:]
+    def _durations(self, tr: Transcription) -> Array:
+        """Return those of the legs in which the times of contact are, (J,)."""
+        joints = tr.mesh.nodes[tr.joints]
+        times = contacts_of(tr.problem).contact_times
+        return np.diff(joints)[np.searchsorted(joints, times, side="right") - 1]
+
+    def _equations_at(self, y: Array) -> tuple[Transcription | Bordered, Array]:
+        """Return the equations at the times of contact of unknowns y, and their own unknowns.
+
+        Raises LinAlgError where a part in contact is gone.
+        """
+        size = self.equations.layout.size
+        first, equations, theta = self.first, self.equations, y[size:]
         if theta.any():
+            moves = self._durations(first) * theta
             knots = np.union1d(self.held.knots, self.times)
-            after = np.interp(knots, self.times, self.times + T * theta)
-            after = np.where(np.isin(knots, self.times), after, knots)
+            after = knots.copy()
+            after[np.isin(knots, self.times)] += moves
             if not (np.diff(after) > 0).all():
                 raise np.linalg.LinAlgError("a part in contact, or between two, has vanished")
-            tr = with_contact_times(tr, self.times, T * theta)
-        return DiscretePath(tr, y[:cut])
+            tr = with_contact_times(first, self.times, moves)
+            if isinstance(equations, Bordered):
+                asked = equations.problem.free
+                held = Held(asked, contacts_of(tr.problem).arcs, span=self.held.span)
+                equations = equations.around_another(tr).of(held)
+            else:
+                equations = tr
+        return equations, y[:size]
+
+    def discrete(self, y: Array) -> DiscretePath:
+        """Return the path of unknowns y. Raises LinAlgError where a part in contact is gone."""
+        equations, own = self._equations_at(y)
+        return DiscretePath(equations.at(own), own[: self.first.layout.size])
 
     def residual(self, y: Array) -> Array:
         """Return the residual of the path, and the slips, (size,); NaN where a part is gone."""
         try:
-            at = self.discrete(y)
+            equations, own = self._equations_at(y)
         except np.linalg.LinAlgError:
             return np.full(y.size, np.nan)
-        return np.r_[at.tr.residual(at.z), [slip.value / self.unit for slip in slips(at)]]
+        met = slips(DiscretePath(equations.at(own), own[: self.first.layout.size]))
+        return np.r_[equations.residual(own), [slip.value / self.unit for slip in met]]
 
     def kkt(self, y: Array) -> Array:
         """Return the nonzeros of the derivative of `residual`, as the layout says."""
-        at, T = self.discrete(y), self.held.duration
-        times = self.times + T * y[self.first.layout.size :]
-        columns, rows, corner = contact_edges(at.tr, at.z, times)
-        edges = T * columns, rows / self.unit, T / self.unit * corner
-        return self.layout.join(at.tr.kkt(at.z), *edges)
+        equations, own = self._equations_at(y)
+        tr = equations.at(own)
+        T = self._durations(tr)
+        columns, rows, corner = contact_edges(equations, own, contacts_of(tr.problem).contact_times)
+        edges = columns * T, rows / self.unit, corner * T / self.unit
+        return border_matrix(equations.layout, equations.kkt(own), *edges)[1]
 
 
 def merge_contacts(held: Held, a: float, b: float) -> tuple[Arc, ...]:

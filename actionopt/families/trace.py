@@ -121,10 +121,8 @@ def trace(
     check_problem(problem)
     check_progress(progress)
     family, value = _family(problem.original, vary, start)
-    if problem.has_free_boundary or problem.is_infinite:
-        problem.system.check_free(
-            "`trace` follows contact between given times and without given integrals, `sweep` any"
-        )
+    if problem.is_infinite:
+        problem.system.check_free("`trace` follows contact between finite times, `sweep` any")
     to, steps = number(to, "the value to go to"), whole(steps, "the most points to compute", 1)
     if to == value:
         raise ValueError(f"expected a value to go to other than the present {value}, found {to}")
