@@ -34,6 +34,21 @@ def flights(energy, to=(4.0, 1.0)):
     return np.sqrt(np.sort(np.roots([G * G / 4, G * to[1] - 2 * energy, np.dot(to, to)])))
 
 
+def test_a_throw_far_from_zero():
+    """Up by h at speed v: T = (v - sqrt(v^2 - 2 g h)) / g; S is of the flight and of its height."""
+    q0, h, v = 1000.0, 0.5, 6.0
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - G * q[0], ["y"])
+    problem = ao.Problem(
+        system, ao.Event(0.0, [q0]), ao.Event(None, [q0 + h]), energy=v**2 / 2 + G * q0
+    )
+    up = ao.solve(problem)
+    T = (v - np.sqrt(v**2 - 2 * G * h)) / G
+    t = np.linspace(0, 1, 9) * up.end.t
+    assert abs(up.end.t - T) < 1e-11 and np.abs(up(t)[0] - (q0 + v * t - G * t**2 / 2)).max() < 1e-9
+    S = v**2 / 2 * T - v * G * T**2 + G**2 * T**3 / 3 - G * q0 * T
+    assert abs(up.action - S) < 1e-9
+
+
 @pytest.mark.parametrize("energy", [30.0, 90.0])
 def test_low_and_high_throw(energy):
     problem, (short, long) = throw(energy), flights(energy)

@@ -327,10 +327,7 @@ class Action:
         layout = self.layout
         z = np.zeros(layout.size)
         places = Q if self.order == 1 else self.places_of(Q)
-        x = places.ravel()[layout.free]
-        if self.x_origin is not None:
-            x = x - self.x_origin
-        z[: layout.unknowns] = x / self.x_unit
+        z[: layout.unknowns] = self.pack_places(places)
         if lam is not None and layout.rows and self.order > 1:
             lam = self._places(np.nan_to_num(lam))
         if lam is not None and layout.rows:
@@ -344,7 +341,8 @@ class Action:
 
     def pack_places(self, places: Array) -> Array:
         """Return x (unknowns,) for what is at the nodes, (K, width)."""
-        return places.ravel()[self.layout.free] / self.x_unit
+        x = places.ravel()[self.layout.free]
+        return (x if self.x_origin is None else x - self.x_origin) / self.x_unit
 
     def unpack(self, z: Array) -> tuple[Array, Array]:
         """Return coordinates (K, n) and multipliers (K, m); NaN where there is no row."""
