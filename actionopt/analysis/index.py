@@ -31,7 +31,7 @@ from actionopt.analysis.second_variation import (
     second_derivatives,
 )
 from actionopt.discrete.bordered import Bordered, equations_of, null_space
-from actionopt.discrete.borders import PhaseCondition, moves_of, times_of
+from actionopt.discrete.borders import PhaseCondition, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, diagonal, full
 from actionopt.discrete.increments import Increments, is_stiff
@@ -46,6 +46,7 @@ INDEX_RESOLUTION, POLISHED = 1e-6, 1e-10
 NEAR_ZERO = 1e-5
 INDEX_TOLERANCE = 1e-8  # least |mu| that has a sign; ad hoc: the default `tol` of a path
 LOOSEST = 1e-2  # |mu| moved by a path whose error is not known; ad hoc
+DENSE_SIGNS = 1000  # unknowns and rows up to which signs on what rows allow are full ones; ad hoc
 ERROR_GAIN = 10.0  # |mu| moved by an error of the path; ad hoc, for coefficients of order one
 
 
@@ -190,13 +191,9 @@ def inertia_beside(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
 
 
 def _beside(at: DiscretePath, tolerance: float, form: Form | None) -> Inertia:
-    asked, path = at.problem.original, at.path
-    moves = () if at.problem.touches else moves_of(asked)
-    kappa = at.problem.kappa if asked.integral is not None else None
-    lam = np.nan_to_num(at.rows) if at.tr.layout.rows else None
-    bordered, y = Bordered.around(
-        asked, path, lam, at.tr.lengths, moves, times=times_of(at.problem), kappa=kappa
-    )
+    asked = at.problem.original
+    bordered, y = equations_of(asked, at, () if at.problem.touches else moves_of(asked))
+    assert isinstance(bordered, Bordered)
     found = _on_its_mesh(bordered.discrete(y), bordered, y, tolerance, form)
     if bordered.start_coordinates and found.nullity:
         # What is given chooses of a family; a symmetry may well lead along what is left of that.
@@ -209,7 +206,7 @@ def _beside(at: DiscretePath, tolerance: float, form: Form | None) -> Inertia:
 
 
 def inertia_through(at: DiscretePath, error: float) -> Inertia:
-    """Return the index and nullity of a path through events, of all its legs together.
+    """Return the index and nullity of a path through events or between surfaces, as a whole.
 
     Places and times that were to be found are varied with the path: index = negative eigenvalues of
     the second derivative of W in everything unknown - multipliers (Haynsworth; J. Nocedal and S. J.
@@ -218,17 +215,6 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     """
     equations, z = equations_of(at.problem.original, at)
     return _on_its_mesh(at, equations, z, tolerance_of(error))
-
-
-def inertia_on_surfaces(at: DiscretePath, error: float) -> Inertia:
-    """Return the index and nullity of a path between surfaces as `inertia_through` does.
-
-    Where `inertia_asked` refines the mesh until it resolves all Jacobi fields, to be sure.
-    """
-    rows = at.rows if at.tr.layout.rows else None
-    lam = None if rows is None else np.nan_to_num(rows)
-    bordered, y = Bordered.around(at.problem.original, at.path, lam, at.tr.lengths)
-    return _on_its_mesh(at, bordered, y, tolerance_of(error))
 
 
 def _on_its_mesh(
@@ -276,13 +262,14 @@ def _on_its_mesh(
     pinned = max(len(event.pinned_places(tr.order)) for event in problem.joints)
     if pinned < tr.layout.width and not stiff:
         kinetic = kinetic + _at_rest(equations, z, mass)  # a constant has no rates
-    basis = null_space(equations, full(layout, matrix)) if layout.rows and tr.order > 1 else None
+    projected = layout.rows and (tr.order > 1 or layout.size <= DENSE_SIGNS)
+    basis = null_space(equations, full(layout, matrix)) if projected else None
 
     def below(mu: float) -> int:
         shifted = matrix - mu * kinetic
         if basis is not None:
-            # The rows are integrals of functions that nearly depend on one another on elements of a
-            # high degree: signs of the pivots of the whole would be round-off.
+            # Pivots of the whole are off by what makes rows regular. In higher orders the rows are
+            # integrals of functions that nearly depend on one another on elements of a high degree.
             return int(np.sum(np.linalg.eigvalsh(basis.T @ full(layout, shifted) @ basis) < 0))
         if stiff:
             return Increments(equations, z, shifted, mu).negative() - multipliers

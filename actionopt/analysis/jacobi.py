@@ -21,7 +21,7 @@ from actionopt.analysis.second_variation import (
     coefficient_entries,
     form,
 )
-from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.bordered import equations_of
 from actionopt.discrete.borders import moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
@@ -109,11 +109,7 @@ def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
     """
     at, asked = first, first.problem.original
     for _ in range(FIELD_ROUNDS):
-        equations: Equations = at.tr
-        z = at.z
-        if first.problem.has_free_boundary:
-            rows = np.nan_to_num(at.rows) if at.tr.layout.rows else None
-            equations, z = Bordered.around(asked, at.path, rows, at.tr.lengths, moves_of(asked))
+        equations, z = equations_of(asked, at, moves_of(asked))
         near = _stationary(equations, z, nullity)
         if near is None:
             return None

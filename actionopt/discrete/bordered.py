@@ -359,22 +359,33 @@ class Bordered:
         return found
 
 
-def equations_of(asked: Problem, at: DiscretePath) -> tuple[Bordered | Transcription, Array]:
-    """Return the equations of a path through events on its mesh, as `asked`, and its unknowns."""
+def equations_of(
+    asked: Problem, at: DiscretePath, moves: Sequence[Move] = ()
+) -> tuple[Bordered | Transcription, Array]:
+    """Return the equations of a path on its mesh, as `asked` between its ends, and its unknowns.
+
+    `moves` are motions of configuration space that a closed path may be subjected to.
+    """
     problem, tr = at.problem, at.tr
-    if asked.is_joined:
-        known = {"times": times_of(problem), "kappa": problem.kappa if problem.kappa.size else None}
-        known["like"], lam = tr, None
-        if tr.layout.rows:
-            lam = np.nan_to_num(at.rows)
-            equations, y = Bordered.around(asked, at.path, lam, tr.lengths, **known)
-            # At an event whose place was found there was no row: what is there stops a jump.
-            here, weight = equations.discrete(y), np.bincount(tr.layout.node_of, tr.weight[:, 0])
-            for k, node in enumerate(tr.joints[1:-1].tolist(), 1):
-                lam[node] += reactions(here, k)[1] / weight[node]
-        return Bordered.around(asked, at.path, lam, tr.lengths, **known)
-    equations = Transcription(asked, at.mesh, tr.lengths, like=tr)
-    return equations, equations.pack(at.Q, at.lam)
+    if not asked.has_free_boundary:
+        equations = Transcription(asked, at.mesh, tr.lengths, like=tr)
+        return equations, equations.pack(at.Q, at.lam)
+    kappa = problem.kappa if problem.kappa.size else None
+    known, lam = {"moves": moves, "times": times_of(problem), "kappa": kappa, "like": tr}, None
+    if tr.layout.rows:
+        lam = np.nan_to_num(at.rows)
+        equations, y = Bordered.around(asked, at.path, lam, tr.lengths, **known)
+        # At an event whose place was found there was no row: what is there stops a jump.
+        here, weight = equations.discrete(y), np.bincount(tr.layout.node_of, tr.weight[:, 0])
+        for k, node in enumerate(tr.joints.tolist()[: -1 if tr.layout.closed else None]):
+            lost = np.isnan(at.rows[node])
+            if lost.any():
+                lam[node, lost] = reactions(here, k)[1][lost] / weight[node]
+    equations, y = Bordered.around(asked, at.path, lam, tr.lengths, **known)
+    for border, part in zip(equations.borders, equations.parts, strict=True):
+        if isinstance(border, Rows):  # what is given at its event balances the rest
+            y[part] = border.begin(at)
+    return equations, y
 
 
 def null_space(equations: Bordered | Transcription, whole: Array) -> Array:

@@ -205,10 +205,10 @@ def _oscillations(problem: Problem) -> list[Path]:
 
 def _index(solution: Solution) -> int:
     """Return the index of a path between surfaces; 0 where there is none to count."""
-    from actionopt.analysis.index import inertia_on_surfaces
+    from actionopt.analysis.index import inertia_through
 
     with suppress(ValueError, np.linalg.LinAlgError):
-        return inertia_on_surfaces(solution.discrete, solution.error).index
+        return inertia_through(solution.discrete, solution.error).index
     return 0
 
 
