@@ -14,15 +14,25 @@ os.environ["MPLBACKEND"] = "Agg"  # before matplotlib: no window opens
 # First words of the names of the test files that are not on how a path is found and judged. All
 # others are on the rooms from mechanics to families: their numbers hang on linear algebra.
 BESIDE = """
-    architecture blas chapter claims cli cluster course examples explore files gallery guide journal
+    architecture blas chapter claims cli cluster course docstrings examples explore files gallery guide journal
     live memory motion notebook pages phasors pickling plot relaxation scenes store stress suite
     threads watch words work
 """.split()
 
 
+def of_files(names):
+    """Return whether the command names files of tests, and nothing else."""
+    return all(".py" in name for name in names)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config):
-    """Share the tests out where pytest-xdist is installed, unless the command says otherwise."""
+    """Share the tests out where pytest-xdist is installed, unless the command says otherwise.
+
+    Files that are asked for by name are run with what others stand for elsewhere.
+    """
+    if of_files(config.args) and config.option.markexpr == "not slow and not long":
+        config.option.markexpr = "not slow"
     shares = config.pluginmanager.hasplugin("xdist") and not hasattr(config, "workerinput")
     if shares and config.option.numprocesses is None:
         config.option.numprocesses = "auto"
@@ -33,18 +43,23 @@ def pytest_cmdline_main(config):
         config.option.assertmode = "plain"
 
 
-def pytest_collection_modifyitems(items):
-    """Mark what kernels of linear algebra may change."""
+def pytest_collection_modifyitems(config, items):
+    """Mark what kernels of linear algebra may change, and the variants others stand for."""
+    lost = {}
     for item in items:
         test, word = (item.path.stem + "_").split("_")[:2]
         if test == "test" and word not in BESIDE:
             item.add_marker("numerics")
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_collect_file():
-    """Look for examples in the package alone: no test's docstring has one."""
-    return [x for x in (yield) if type(x) is pytest.Module]
+        if {"one_browser", "computed"} & set(item.fixturenames):  # a browser, or Node
+            item.add_marker("long")
+        if quick := item.get_closest_marker("quick"):
+            lost.setdefault((item.path, item.originalname), set(quick.args)).discard(
+                item.callspec.id
+            )
+            if item.callspec.id not in quick.args:
+                item.add_marker("long")
+    if any(lost.values()) and not any("::" in name for name in config.args):
+        raise pytest.UsageError(f"expected variants that are there, found {lost}")
 
 
 @pytest.hookimpl(wrapper=True)
@@ -61,7 +76,7 @@ def pytest_collection():
 @pytest.hookimpl(optionalhook=True)  # it is of pytest-xdist
 def pytest_xdist_auto_num_workers(config):
     """Return no workers for files asked for by name: starting them takes longer than most."""
-    return 0 if all(".py" in name for name in config.args) else None
+    return 0 if of_files(config.args) else None
 
 
 @pytest.fixture(autouse=True)

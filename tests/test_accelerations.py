@@ -758,7 +758,9 @@ def test_modes_are_those_of_a_clamped_beam():
     assert lowest.modes[0](1.0) == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.long
 def test_tables_have_the_momenta_of_each_derivative():
+    pytest.importorskip("pandas"), pytest.importorskip("xarray")
     path = between(SPLINE, (0, [0], [0]), (1, [1], [0]))
     t = np.array([0.0, 0.3, 1.0])
     table, found = path.to_dataframe(t), path.to_xarray(t)

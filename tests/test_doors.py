@@ -313,6 +313,7 @@ def test_what_scipy_says_of_a_curve_is_a_guess(long_way):
 # -- pandas and xarray -------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_table_is_a_guess_by_its_labels(long_way):
     pd = pytest.importorskip("pandas")
     t = np.linspace(0.0, 1.5, 21)
@@ -328,6 +329,7 @@ def test_a_table_is_a_guess_by_its_labels(long_way):
         ao.solve(TRANSFER, guess=pd.DataFrame({"t": list("abc"), "y": y[:3], "x": x[:3]}))
 
 
+@pytest.mark.long
 def test_a_solution_is_a_dataset():
     pytest.importorskip("xarray")
     held = ao.solve(ao.Problem(ON_CIRCLE, *ARC))

@@ -94,6 +94,7 @@ class Checked(HTMLParser):
             self.words += data
 
 
+@pytest.mark.long
 def test_pages_are_whole(gallery):
     assert len(pages(gallery)) == 3 + 3 * len(LESSONS) + len(OTHERS) + len(NAMES)
     shown = set()
@@ -120,6 +121,7 @@ def test_pages_are_whole(gallery):
     assert shown >= {picture.resolve() for picture in gallery.rglob("*.svg")}
 
 
+@pytest.mark.long
 def test_pages_of_the_course_are_short_and_say_everything(gallery):
     assert len(LESSONS) == 15
     contents = (gallery / "course.html").read_text(encoding="utf-8")
@@ -138,6 +140,7 @@ def test_pages_of_the_course_are_short_and_say_everything(gallery):
         assert set(lesson.scenes) <= set(scenes.SCENES)
 
 
+@pytest.mark.long
 def test_no_line_ends_between_a_number_and_its_unit(gallery):
     rest = re.compile(r"<(script|style|pre|code)\b.*?</\1>|<[^>]*>", re.DOTALL)
     for file in pages(gallery):
@@ -169,6 +172,7 @@ def test_a_film_says_that_a_path_runs_away_only_where_it_does():
     assert not relaxing(Subject(kink, solve(kink.problem, guess=kink.guess)))
 
 
+@pytest.mark.long
 def test_nothing_comes_from_elsewhere(gallery):
     for name, content in files(gallery).items():
         if name.endswith((".woff2", ".txt")):  # a font, and its licence
@@ -178,6 +182,7 @@ def test_nothing_comes_from_elsewhere(gallery):
         assert not re.search(loads, text), name
 
 
+@pytest.mark.long
 def test_what_a_scene_is_decides_its_figures(gallery):
     drag, rod = (
         {f.stem.removesuffix("-narrow") for f in (gallery / name).glob("*.svg")} for name in NAMES
@@ -191,6 +196,7 @@ def test_what_a_scene_is_decides_its_figures(gallery):
     assert '"arrows"' in (gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_the_numbers_on_a_page_are_those_of_the_scene(gallery):
     page = Checked()
     page.feed((gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8"))
@@ -281,6 +287,7 @@ def quick(monkeypatch):
     return made
 
 
+@pytest.mark.long
 def test_what_stands_is_not_made_again(gallery, quick):
     before = files(gallery)
     assert build(gallery, NAMES) == []
@@ -422,6 +429,7 @@ def test_a_scene_that_is_not_there(tmp_path):
 # -- films ------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_one_path_relaxes_to_the_motion_and_the_other_runs_away_on_one_clock(gallery):
     page = (gallery / "least.html").read_text(encoding="utf-8")
     found = map(json.loads, re.findall(r'<script type="application/json">(.*?)</script>', page))
@@ -439,6 +447,7 @@ def test_one_path_relaxes_to_the_motion_and_the_other_runs_away_on_one_clock(gal
 # -- colours ---------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dark", [False, True])
 def test_colours_can_be_told_apart(gallery, dark):
     sheet = (gallery / "style.css").read_text(encoding="utf-8")
@@ -723,6 +732,7 @@ def test_an_index_is_smaller_than_its_letter(gallery, chromium, width):
     assert all(11 <= index < 0.8 * letter for letter, index in sizes)
 
 
+@pytest.mark.long
 def test_without_scripts_the_first_frame_is_there(gallery):
     page = (gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8")
     stage = re.search(r'<svg role="img" class="stage".*?</svg>', page, re.DOTALL)[0]

@@ -93,6 +93,7 @@ def page(tmp_path_factory):
     return *run(GUIDE.read_text(), folder), folder
 
 
+@pytest.mark.long
 def test_what_the_page_states_is_found(page):
     _, wrong, count, _ = page
     assert not wrong, "\n".join(wrong)
@@ -140,6 +141,7 @@ def test_what_the_page_of_names_states_is_found(tmp_path, monkeypatch):
     assert count >= STATED[NAMES]
 
 
+@pytest.mark.long
 def test_forced_paths_have_no_index_and_closed_ones_no_conjugate_points(page):
     with pytest.raises(ValueError, match="index"):
         _ = page[0]["dragged"].kind
@@ -148,6 +150,7 @@ def test_forced_paths_have_no_index_and_closed_ones_no_conjugate_points(page):
             page[0]["ao"].conjugate_points(page[0][name])
 
 
+@pytest.mark.long
 def test_the_files_of_the_page_are_there(page):
     files = {file.name for file in page[3].iterdir()}
     pictures = {"graphs.png", "motion.png", "motion.gif", "arrows.png", "slide.png", "paper.png"}

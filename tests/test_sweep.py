@@ -648,6 +648,7 @@ def test_a_change_of_index_is_a_branch_of_its_own():
     assert runs.action == pytest.approx(0.5 / np.tan(t1), rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_dataset_has_names_units_and_what_was_asked(serial):
     pytest.importorskip("xarray")
     data = serial.to_xarray({"t1": "s", "action": "J s"})
