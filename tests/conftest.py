@@ -14,9 +14,9 @@ os.environ["MPLBACKEND"] = "Agg"  # before matplotlib: no window opens
 # First words of the names of the test files that are not on how a path is found and judged. All
 # others are on the rooms from mechanics to families: their numbers hang on linear algebra.
 BESIDE = """
-    architecture blas chapter claims cli cluster course docstrings examples explore files gallery guide journal
-    live memory motion notebook pages phasors pickling plot relaxation scenes store stress suite
-    threads watch words work
+    architecture blas chapter claims cli cluster course docstrings examples explore files gallery
+    guide journal live memory motion notebook pages phasors pickling plot relaxation scenes store
+    stress suite threads watch words work
 """.split()
 
 
