@@ -598,7 +598,7 @@ def test_the_keyboard_reaches_everything(gallery, chromium):
 
 @pytest.mark.slow
 def test_the_whole_gallery(chromium, tmp_path):
-    assert len(build(tmp_path)) == 2 + len(scenes.SCENES)
+    assert len(build(tmp_path, jobs=2)) == 2 + len(scenes.SCENES)
     assert sum(map(len, files(tmp_path).values())) < 25e6
     said = Counter(
         caption

@@ -1,5 +1,6 @@
 """Pages that compute: the law, the action and Newton's method in JavaScript, and what is seen."""
 
+import itertools
 import json
 import math
 import shutil
@@ -327,7 +328,7 @@ def test_what_a_page_cannot_solve_again_is_shown_as_found(folder, chromium):
 def test_a_path_dragged_is_solved(folder, chromium, name):
     file = opened(chromium, folder, scenes.get(name))
     assert file.stat().st_size < SIZE
-    x, y = middle(chromium, 3)
+    x, y = middle(chromium, 4)
     before = told(chromium, "action")
     chromium.drag(x, y, x, y - 12)
     assert told(chromium, "action") != before
@@ -482,6 +483,12 @@ def test_all_of_it_by_keyboard_and_on_a_phone(folder, chromium):
     assert chromium.run(f"Math.min(...{sizes})") >= 11
     reach = "[...document.querySelectorAll('button, input, summary, .handle')]"
     assert chromium.run(f"{reach}.every(e => e.tabIndex >= 0)")
+    knobs = chromium.run(
+        "[...document.querySelectorAll('.live .knob')].map(k => k.getBoundingClientRect())"
+        ".filter(b => b.width).map(b => [b.x, b.y])"
+    )
+    apart = [np.hypot(*np.subtract(a, b)) for a, b in itertools.pairwise(knobs)]
+    assert len(knobs) == 3 and min(apart) >= 24  # fingers tell them apart
     before = told(chromium, "action")
     chromium.run("document.querySelector('.live [data-handle=\"4\"]').focus()")
     chromium.key("ArrowUp")

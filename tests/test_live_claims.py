@@ -67,6 +67,26 @@ OWN = {
         a=1.5,
         b=0.4,
     ),
+    # Over nearly two periods: its frequency grows with its swing, and so it has many motions.
+    "quartic spring, pushed": asked(
+        lambda q, v, t, *, m, k, f: m * v[0] ** 2 / 2 - k * q[0] ** 4 / 4 + f * q[0],
+        *([1.0], [-0.5], 12.0),
+        m=1.0,
+        k=1.0,
+        f=0.1,
+    ),
+    # Both forces grow with the velocity: one lies across it and is in L, one along it and is not.
+    "charge in a quartic trap, with drag": asked(
+        lambda q, v, t, *, m, B, k: (
+            m * (v @ v) / 2 + B * (q[0] * v[1] - q[1] * v[0]) / 2 - k * (q @ q) ** 2 / 4
+        ),
+        *([1.0, 0.0], [-0.3, 0.4], 4.0, ["x", "y"]),
+        force=lambda q, v, t, *, c: -c * np.sqrt(v @ v + 1e-4) * v,
+        m=1.0,
+        B=1.5,
+        k=1.0,
+        c=0.2,
+    ),
 }
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from functools import cache
 from itertools import count, product
 from string import ascii_lowercase
 
@@ -34,9 +35,7 @@ def compact(svg: str) -> str:
     svg = UNSEEN_IN_SVG.sub("", svg).replace("xlink:href", "href")
     svg = svg.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "")
     svg = re.sub(r">\s+<", "><", svg.strip())
-    svg = LETTERS_IN_SVG.sub(
-        lambda m: f'{m[1]}{_steps(m[2], 0, COARSE_LETTERS)}" transform="scale(.25)"', svg
-    )
+    svg = LETTERS_IN_SVG.sub(_letter, svg)
     svg = DATA_IN_SVG.sub(lambda m: f'{m[1]}{_steps(m[2], 1)}"', svg)
     svg = SHIFT_IN_SVG.sub(r' x="\1" y="\2"', svg)
     svg = PLACE_IN_SVG.sub(_place, svg).replace(' y="0"', "")
@@ -55,7 +54,12 @@ def _short(x: float, places: int) -> str:
 
 
 def _letter(found: re.Match[str]) -> str:
-    return f'{found[1]}{_steps(found[2], 0, COARSE_LETTERS)}" transform="scale(.25)"'
+    return f'{found[1]}{_outline(found[2])}" transform="scale(.25)"'
+
+
+@cache  # one font's letters, the same in all pictures
+def _outline(data: str) -> str:
+    return _steps(data, 0, COARSE_LETTERS)
 
 
 def _place(found: re.Match[str]) -> str:

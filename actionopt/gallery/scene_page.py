@@ -70,8 +70,8 @@ LAWS = {  # as MathML, what each equation of motion is an instance of
 }
 EQUATIONS_SHOWN = 4  # equations; the others are folded away
 LIVE = (
-    "Arrow keys move a handle as well, with Shift in small steps. Triangles on the duration are "
-    "times conjugate to the start, at which the index changes."
+    "Arrow keys move a handle as well, with Shift in small steps. Triangles on the first slider "
+    "are ends conjugate to the start, at which the index changes."
 )
 AT_EVENTS = (
     "What is not given at the events between the ends is varied as well. So the energy function is "

@@ -13,6 +13,7 @@
   const NONE = 1e-6; // of a force: what is missing where nothing is
   const PARTS = 64; // of a change of a parameter that Newton's method does not follow at once
   const PROMPT = 600; // unknowns of a path whose conjugate times take no second
+  const FINGER = 24; // pixels from handle to handle, at least: WCAG 2.2, criterion 2.5.8
   const ARROW = 46, LEAST_ARROW = 3; // pixels of the longest slope at a handle; of one that is seen
   const DIGITS = 5, HIDDEN = 1e-7; // of the range of S that are shown; of it or of S, what its differences lose
   const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
@@ -151,7 +152,7 @@
       layout();
     });
     const sliders = html(figure, "div", { class: "controls sliders" });
-    const time = slider(sliders, W.duration, 0.1 * data.duration, data.longest, data.duration);
+    const time = slider(sliders, data.measure?.name ? W.part : W.duration, 0.1 * data.duration, data.longest, data.duration);
     time.input.dataset.duration = "";
     const marks = html(time.track, "span", { class: "foci", "aria-hidden": "true" });
     const message = html(figure, "p", { class: "message", role: "status" });
@@ -302,6 +303,7 @@
         mine.setAttribute("points", pathPanel.points(drawn(mineSeen, pair)));
         [0, A.count - 1].forEach((k, end) => { const [a, b] = spot(trial, k, pair); put(ends[end], { cx: pathPanel.X(a), cy: pathPanel.Y(b), r: 5.5 }); });
       });
+      thin();
       handles.forEach((it) => it.place());
       if (wanted.includes("slopes")) slopesAtHandles();
       // S along the bend
@@ -399,6 +401,16 @@
       show();
       keep();
       Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()), known: motion.known, last, range: extent });
+    }
+
+    // Every second handle is put away where, along the straight line or the motion, all are closer
+    // than a finger tells apart.
+    function thin() {
+      const close = shapes.some(({ pair }) => [first, ...(motion.known ? [motion.Q] : [])].some((Q) => {
+        const at = Array.from({ length: spans + 1 }, (_, j) => spot(Q, knot(j), pair)).map(([x, y]) => [pathPanel.X(x), pathPanel.Y(y)]);
+        return at.slice(1).reduce((sum, [x, y], j) => sum + Math.hypot(x - at[j][0], y - at[j][1]), 0) < FINGER * spans;
+      }));
+      handles.forEach((it) => { it.away = close && it.j % 2 === 1; it.group.classList.toggle("away", it.away); });
     }
 
     // How S falls with each handle: an arrow the way that it is to be pulled, of a length as the slope
@@ -876,11 +888,11 @@
       return [(event.clientX - frame.left) * zoom, (event.clientY - frame.top) * zoom];
     };
     const nearest = (event) => { // their reaches overlap where they stand close
-      const away = handles.map(({ group }) => {
+      const there = handles.filter((it) => !it.away), away = there.map(({ group }) => {
         const knob = group.lastChild.getBoundingClientRect();
         return Math.hypot(knob.x + knob.width / 2 - event.clientX, knob.y + knob.height / 2 - event.clientY);
       });
-      return handles[away.indexOf(Math.min(...away))];
+      return there[away.indexOf(Math.min(...away))];
     };
 
     told(shown);
