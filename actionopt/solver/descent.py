@@ -67,7 +67,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
             while not (factors := Factors(tr.layout, H + mu * K if mu else H)).definite():
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:  # or the mass is not positive: then there is no lowest action
-                    return Descended(z, False, _falls(tr, first, z), count)
+                    return Descended(z, False, _runs_away(tr, first, z), count)
             while True:
                 count += 1
                 try:
@@ -81,7 +81,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     break
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:
-                    return Descended(z, False, _falls(tr, first, z), count)
+                    return Descended(z, False, _runs_away(tr, first, z), count)
                 factors = Factors(tr.layout, H + mu * K)
             before, (z, action) = z, lower
             gradient = tr.gradient(z)
@@ -91,6 +91,11 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     return Descended(z - second, True, False, count)
             mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
     return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)
+
+
+def _runs_away(tr: Transcription, first: Array, z: Array) -> bool:
+    """Whether a path that is farther from the first than this is long goes on and on."""
+    return float(np.abs(z - first).max()) > 1.0 and _falls(tr, first, z - first)
 
 
 def falls_from(tr: Transcription, saddle: Array, loose: Array) -> bool:
@@ -112,27 +117,16 @@ def falls_from(tr: Transcription, saddle: Array, loose: Array) -> bool:
                 away *= OFF_SADDLE / np.abs(away).max()
                 away = away - metric.solve(tr.gradient(saddle + away) - gradient)
         away *= OFF_SADDLE / np.abs(away).max()
-        return any(_falls_on(tr, saddle, side) for side in (away, -away))
+        sides = [side for side in (away, -away) if tr.action(saddle + side) < tr.action(saddle)]
+        return any(_falls(tr, saddle, side) for side in sides)
 
 
-def _falls_on(tr: Transcription, z: Array, away: Array) -> bool:
-    """Whether S falls with each step away from z, twice as long as the last one, to the end."""
-    action = tr.action(z)
-    while np.abs(away).max() < RUNAWAY:
-        before, action, away = action, tr.action(z + away), 2 * away
-        if not action < before:
-            return False
-    return True
-
-
-def _falls(tr: Transcription, first: Array, z: Array) -> bool:
-    """Whether S falls all the way from z to where the path has run away, away from the first."""
-    action, away = tr.action(z), z - first
-    while np.abs(z).max() < RUNAWAY:
-        if not np.abs(away).max() > 1.0:  # no farther from the first than the path is long
-            return False
+def _falls(tr: Transcription, first: Array, away: Array) -> bool:
+    """Whether S falls beyond `away` from a path, at each step twice as far, until it has run away."""
+    action = tr.action(first + away)
+    while np.abs(first + away).max() < RUNAWAY:
         away = 2 * away
-        z, before, action = first + away, action, tr.action(first + away)
+        before, action = action, tr.action(first + away)
         if not action < before:
             return False
     return True

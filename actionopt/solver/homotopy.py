@@ -34,8 +34,8 @@ CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that end
 CURVE_END = 1.5  # an s at which the curve is not near the path any more
 
 
-def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
-    """Return a point (size,) near a stationary path and the factorizations used, or None.
+def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array | None, int]:
+    """Return a point (size,) near a stationary path, or None, and the factorizations used.
 
     `z` is the curve at which the applied force starts.
     """
@@ -43,10 +43,10 @@ def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
     way = HomotopyCurve(tr, z, tr.residual(z))
     for _ in range(steps):
         if not way.advance():
-            return None
+            break
         if way.s >= 1.0 - 1e-9:
             return way.z, way.count
-    return None
+    return None, way.count
 
 
 @dataclass(eq=False)

@@ -167,7 +167,11 @@ def _continue(search: Search, *, far: bool) -> bool:
     ws = search.ws
     if search.strategies in (IPOPT, GUESS_ONLY):
         return False
-    return ws.root() or (far and not ws.large and ws.homotopy())
+    if ws.root():
+        return True
+    from actionopt.solver.homotopy import newton_homotopy
+
+    return far and not ws.large and ws.go("continuation", newton_homotopy)
 
 
 def _settles(search: Search, *, sparse: bool = False) -> bool:

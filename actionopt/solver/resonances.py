@@ -74,6 +74,12 @@ class _AmplitudeCurve:
     growth: float
 
 
+def pass_resonances(tr: Transcription, z: Array) -> tuple[Array | None, int]:
+    """Return a point (size,) near a stationary path, or None, and the factorizations used."""
+    search = Resonances(tr)
+    return search.path(z), search.count
+
+
 @dataclass(eq=False)
 class Resonances:
     """A search for a path of a transcription without constraints; `count` factorizations so far."""

@@ -99,7 +99,9 @@ class Homotopy(Strategy):
     lengthy, reliable, cost = True, False, 1500
 
     def seek(self, ws: Workspace) -> bool:
-        return ws.homotopy()
+        from actionopt.solver.homotopy import newton_homotopy
+
+        return ws.go("continuation", newton_homotopy)
 
 
 class LyapunovSchmidt(Strategy):
@@ -115,7 +117,9 @@ class LyapunovSchmidt(Strategy):
         return super().applies(search) and system.n > RESONANT_COORDINATES and system.m == 0
 
     def seek(self, ws: Workspace) -> bool:
-        return ws.pass_resonances()
+        from actionopt.solver.resonances import pass_resonances
+
+        return ws.go("continuation", pass_resonances)
 
 
 class ComponentNewton(Strategy):
@@ -129,7 +133,9 @@ class ComponentNewton(Strategy):
         return super().applies(search) and local and plain(ws.problem)
 
     def seek(self, ws: Workspace) -> bool:
-        return ws.settle_places()
+        from actionopt.solver.component_newton import settle_by_component
+
+        return ws.go("newton", settle_by_component)
 
 
 class TwoSidedShooting(Strategy):

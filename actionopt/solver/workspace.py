@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import perf_counter
@@ -65,6 +66,7 @@ UNLIKELY = 100.0  # ratio of global to local error that has another reason as a 
 
 
 Place = TypeVar("Place", bound=Iterate)
+Reached = tuple[Array | None, int]  # a point near a path, if a way led to one, and its cost
 
 
 @dataclass(eq=False)
@@ -351,14 +353,6 @@ class Workspace(Generic[Place]):
         self.here = before
         return False
 
-    def homotopy(self) -> bool:
-        """Continue from the path at hand by releasing the force that makes it a motion."""
-        from actionopt.solver.homotopy import newton_homotopy
-
-        with self.record.clock("solve"):
-            reached = newton_homotopy(self.here.tr, self.here.z)
-        return self._polish("continuation", reached)
-
     def descend(self) -> bool:
         """Minimise the action from the path at hand, and on where Newton's method is lost."""
         for _ in range(DESCENTS):
@@ -397,24 +391,12 @@ class Workspace(Generic[Place]):
                 near = approach(equations, _without_multipliers(self.here), steps, many=self.many)
         return self._polish("newton", near)
 
-    def pass_resonances(self) -> bool:
-        """Go to a path by Newton steps that hold the modes next to a resonance, let go later."""
-        from actionopt.solver.resonances import Resonances
-
-        search = Resonances(self.here.tr)
+    def go(self, method: str, way: Callable[[Transcription, Array], Reached]) -> bool:
+        """Go to a path by a `way`, whose factorizations are counted as those of a `method`."""
         with self.record.clock("solve"):
-            z = search.path(self.here.z)
-        self.record.iterations["continuation"] += search.count
-        return self._polish("continuation", None if z is None else (z, 0))
-
-    def settle_places(self) -> bool:
-        """Go to a path by Newton steps that are limited for each coordinate by itself."""
-        from actionopt.solver.component_newton import settle_by_component
-
-        with self.record.clock("solve"):
-            z, count = settle_by_component(self.here.tr, self.here.z)
-        self.record.iterations["newton"] += count
-        return self._polish("newton", None if z is None else (z, 0))
+            z, count = way(self.here.tr, self.here.z)
+        self.record.iterations[method] += count
+        return self._polish(method, None if z is None else (z, 0))
 
     def _polish(self, method: str, found: tuple[Array, int] | None) -> bool:
         """Polish what a method reached; where that does not work, keep in mind where it was."""
