@@ -56,7 +56,7 @@ ERROR_MARGIN = 100.0  # from an estimated error to a deviation that contradicts 
 EXPLAINED = 10.0  # times what a motion makes of a small change: a deviation that it explains
 CERTAIN = 5e-2  # a deviation that no estimated error explains
 UNBALANCED = 1e-3  # a drift of the energy that is no round-off, also beside a large constant in L
-# Of Baumgarte's terms in a piece: drift off the constraints has all of it to decay, by exp(-10).
+# Rate of Baumgarte's terms, over a piece: drift off the constraints decays in it by exp(-10).
 BAUMGARTE_RATE = 10.0
 UNTOLD = "; piece by piece, as far as it can be followed, nothing contradicts the path"
 QUARTERS = np.array([0.25, 0.5, 0.75, 1.0])  # of a piece

@@ -29,7 +29,7 @@ ZERO_SIZE = 1e-10
 NOISE_STATES, NOISE_QUANTILE = 16, 0.9  # states that tell the round-off, and which; ad hoc
 STEP_NOISE = 0.1  # of the noise of a step is what CVODES sees of it at high orders; ad hoc
 ROUGH_LOCAL = 1e-8  # local tolerance of the run that finds the sizes
-# Of the equilibrated equations; derived: accelerations have 1e13 eps = 0.2% left of their digits.
+# Condition of the equilibrated equations; derived: accelerations are then good to 1e13 eps = 0.2%.
 MAX_CONDITION = 1e13
 
 

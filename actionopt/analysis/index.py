@@ -39,8 +39,8 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
-# Of the Jacobi fields; derived: eigenvalues converge twice as fast, to 1e-12, far below the
-# tolerance. And of the path, where its error leaves a sign open: a tenth of the tolerance in |mu|.
+# What the mesh leaves out of Jacobi fields; derived: eigenvalues converge twice as fast, to 1e-12,
+# far below the tolerance. The error of a path that is improved to tell a sign: a tenth of that.
 INDEX_RESOLUTION, POLISHED = 1e-6, 1e-10
 # |mu| below which it may be zero; measured: of families 1e-6 at most on paths to 1e-8.
 NEAR_ZERO = 1e-5

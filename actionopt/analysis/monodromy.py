@@ -23,7 +23,7 @@ from actionopt.mechanics.problem import Event, Problem
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
-# Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
+# What the mesh leaves out of Jacobi fields; derived: second derivatives converge twice as fast.
 MONODROMY_RESOLUTION = 1e-8
 ON_CIRCLE = 1e-5  # how far from the circle a multiplier may be that is on it; ad hoc
 

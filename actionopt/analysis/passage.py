@@ -19,8 +19,8 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.surfaces import event_at, surface_at
 from actionopt.tools.types import Array
 
-# Of singular values of the conditions and of planes, in units in which all are of order one; ad
-# hoc, between the path's error and what a neighbour's variation is.
+# Singular values below which conditions depend on each other, and planes are pinned, in units in
+# which all are of order one; ad hoc, between the path's error and what a neighbour's variation is.
 INDEPENDENT = 1e-9
 PINNED = 1e-7
 

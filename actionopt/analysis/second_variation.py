@@ -174,7 +174,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
             "collision, and its neighbours are not determined"
         )
     if given is None:
-        # Of equal inertia: a small coordinate has no less of it.
+        # Units of equal inertia: a small coordinate has no less of it.
         inertia = np.abs(np.diagonal(C, axis1=1, axis2=2)).mean(axis=0)
         size = (units * np.sqrt(inertia)).max()
         units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)

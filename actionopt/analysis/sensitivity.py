@@ -33,7 +33,7 @@ from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import RANK, Array
 
-# Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
+# What the mesh leaves out of Jacobi fields; derived: second derivatives converge twice as fast.
 SENSITIVITY_RESOLUTION = 1e-8
 
 

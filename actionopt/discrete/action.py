@@ -38,7 +38,7 @@ from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
 
-# Of a duration, what rates are measured by: about the elements of a mesh. Ad hoc.
+# Rates are measured by this over the duration: about the elements of a mesh. Ad hoc.
 RATE = 8.0
 
 
@@ -132,7 +132,7 @@ class Action:
         self.weight = weight[:, None]
         self.rest = rest_action(problem, self.times, self.weight) if self.nodal else 0.0
         self.ends = self._ends()
-        # Of another mesh, over other times, vectors z are to mean the same.
+        # Vectors z are to mean the same on another mesh, over other times.
         self.rate = RATE / problem.duration if like is None else like.rate
         self.place_units = lengths
         if problem.system.order > 1:
@@ -469,7 +469,7 @@ class Action:
             half, w = self.halves[k], g.rule.weights[:, None]
             work = half * by_each(shape.basis[0].T, w * local[:, :, 0])
             for i in range(1, self.order + 1):
-                # Of a constant the integral is known from the ends: its round-off stays there.
+                # The integral of a constant is known from the ends: its round-off stays there.
                 constant, below = local[:, :1, i], shape.basis[i - 1]
                 part = by_each(shape.basis[i].T, w * (local[:, :, i] - constant))
                 work += (part + (below[-1] - below[0])[:, None] * constant) * half ** (1 - i)

@@ -33,7 +33,7 @@ FULL_SIZE = 100
 # Places inside an element that are eliminated at once: of more, what is left beside them takes
 # half the work of one inverse. Measured: from 40 to 160 flat, 30 and 100 coordinates.
 PLACES_AT_ONCE = 80
-# Of the largest diagonal element of a coordinate, that of another: half of the digits. Derived.
+# A diagonal element this small beside the largest keeps half of the digits. Derived.
 GRADED = math.sqrt(EPS)
 AT_HAND = 2**20  # numbers of a product, 8 MB, whose memory is used again; ad hoc
 # glibc keeps of what is freed twice the largest array it has seen (`tools.memory`): let it have
@@ -299,8 +299,8 @@ class Condensed:
             self._carry(*border)
         if definite:
             np.linalg.cholesky(self.last)
-        # Of a family, with its border or without, the last matrix is singular but for round-off: an
-        # inverse would make its condition times as much of that as a solution does.
+        # The last matrix of a family, bordered or not, is singular but for round-off: an inverse
+        # would make its condition times as much of that as a solution does.
         regular = border is None and not blocks.closed.size
         self.inverse = np.linalg.inv(self.last) if regular else None
 

@@ -29,10 +29,11 @@ from actionopt.tools.types import Array, NDInt
 OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
 # The same of a leg beside others, whose times have to be told apart: exp(-24) is 4e-11. Ad hoc.
 FAR_OFF = 12.0
-# Of the coordinates' sizes: directions in which a path moves less than this against its others
-# are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
+# Directions in which a path moves less than this, in the coordinates' sizes, against its others are
+# none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
 DISTINCT = 1e-4
-# Of its largest rate, at which a coordinate says where a path begins, or which of a family it is.
+# Rate of a coordinate, in its largest, from which it says where a path begins, or which of a family
+# it is.
 SWIFT, SLOW = 0.1, 1e-3  # ad hoc
 
 

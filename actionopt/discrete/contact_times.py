@@ -34,8 +34,8 @@ from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
-# Of a typical rate of f, by which slips change with the times of contact over the duration: less is
-# round-off, as where nothing presses, whatever the times are. Ad hoc.
+# Slips that change by less with the times of contact, over the duration and in a typical rate of f,
+# change by round-off, as where nothing presses, whatever the times are. Ad hoc.
 PRESSING = 1e-12
 VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
 

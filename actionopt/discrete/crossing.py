@@ -29,9 +29,9 @@ from actionopt.tools.types import EPS, Array
 
 LONGEST_TEXT = 60  # of a surface that is told; ad hoc
 CONTINUOUS = 1e-9  # of the largest |L| along the path: branches this close meet; ad hoc
-# Of L, a step that may be arccos's of a rounded cosine: half of the digits. Derived.
+# A step, in L, that may be arccos's of a rounded cosine: half of the digits. Derived.
 HALF_OF_DIGITS = 4 * math.sqrt(EPS)
-# Of the duration, how far from a step L is continued: of arccos ten digits are left. Derived.
+# How far from a step L is continued, in the duration: ten digits of arccos are left. Derived.
 FARTHER = 64 * math.sqrt(EPS)
 # Distances from a jump to either side, in units of the shortest, at which L is compared. A jump is
 # the same at all of them; of a cusp |x|^a the upper quartile is 500^a times the lower one.

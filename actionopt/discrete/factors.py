@@ -35,7 +35,7 @@ PATTERN = 2000  # unknowns and rows up to which finding their pattern takes litt
 COLUMN_FACTORS = 24
 LARGE_SIZE = 50_000  # unknowns and rows whose factors take a second or so; ad hoc
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
-# Of a constraint's row. Measured: counts are right where all are 1e-3, wrong from 1e-6 on.
+# Size below which a row is scaled. Measured: counts are right where all are 1e-3, wrong from 1e-6.
 SMALL_ROW = 1e-3
 REFINEMENTS = 6  # each leaves half of the residual at most
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
@@ -71,8 +71,8 @@ class Factors:
         self._accurate = False  # whether a solution was accurate before it was refined
         self._definite: Callable[[Array], Array] | None = None  # what solves, if that was asked
         self._near: Callable[[Array], Array] | None = None  # what solves with a matrix near this
-        # Of a closed path, whose events do not tell how large each coordinate is: another matrix,
-        # and by what rows and columns of this one are scaled to it.
+        # The events of a closed path do not tell how large each coordinate is: its matrix is
+        # scaled, and this keeps by what its rows and columns are.
         self._even = _equilibrate(layout, nonzeros, many) if layout.closed else None
 
     def near(self, nonzeros: Array) -> Factors:

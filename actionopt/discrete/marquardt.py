@@ -177,8 +177,8 @@ class _Systems:
         if F:
             A.append(F)
         self.balancing = Pattern.build(size, size, [*mass, J, J[::-1]])
-        # Of y and dz by turns, in the order of least fill of A. Measured: minimum degree that is
-        # looked for among both takes 50 times the operations at 100 links.
+        # Unknowns of y and dz take turns, in the order of least fill of A. Measured: minimum degree
+        # sought among both takes 50 times the operations at 100 links.
         order = np.array(Pattern.build(size, size, A).sparsity.ldl()[1])
         self.place = np.empty_like(order)
         self.place[order] = 2 * np.arange(size)

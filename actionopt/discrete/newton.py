@@ -30,7 +30,7 @@ DISTURBED = 5  # steps granted for the multipliers to settle
 SURELY = 0.1  # a ratio of steps that leaves no doubt of it
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
-# Of the ends' movement, for a derivative of one-sided differences that is good to as many digits.
+# Part of the ends' movement by which they are moved for one-sided differences, as accurate as that.
 ENDS_DIFFERENCE = 1e-5
 HALF_DIGITS = 1e-8  # of the terms: a larger residual is no round-off, whatever the matrix is
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing

@@ -9,7 +9,7 @@ from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
-# Of Newton's method to a surface; ad hoc.
+# Newton's method to a surface; ad hoc.
 LONGEST_WAY = 60  # steps
 FIRST_SURFACE_STEP = 10.0  # the first step, in the coordinates' sizes; each next one twice as far
 LAST_SURFACE_STEP = 1e-9  # the last step: the next would be its square

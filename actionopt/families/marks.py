@@ -22,11 +22,11 @@ LOCATED = 1e-12  # change of arclength that ends the search for a point
 LOCATE_STEPS = 60
 # From where a step fails to where it does not: how near it is tried first, and halvings; ad hoc.
 STEP_ASIDE, STEP_HALVINGS = 1e-3, 10
-# Of two folds, in the range of s: what lies nearer together is no pair. Ad hoc, far above what
+# Two folds nearer together than this part of the range of s are no pair. Ad hoc, far above what
 # `arclength.LAST_CORRECTION` leaves in s; at a cusp, where ds/dsigma touches 0, met in ten steps.
 FOLDS_APART = 1e-6
-# Of how far ds/dsigma bends within a step, the part that its cubic may be off; and of a step, how
-# far from where the cubic turns s may turn. Ad hoc.
+# How far the cubic of a step may be off, in parts of how far ds/dsigma bends within it, and how far
+# from where it turns s may turn, in parts of the step. Ad hoc.
 UNSURE_SLOPE, UNSURE_FOLD = 0.5, 0.1
 STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): short enough
 # ds/dsigma, of the range of s, that is zero at a point located to LOCATED; ad hoc

@@ -45,7 +45,7 @@ class PackedPaths:
         def row(parts: list[Array], kind: type) -> Array:
             return np.concatenate([np.zeros(0, kind), *parts])
 
-        # Of elements with singular ends other polynomials, which are as near as the paths.
+        # Elements with singular ends become others, whose polynomials are as near as the paths.
         meshes = [with_singular_ends(path.mesh, (0, 0)) for path in paths]
         pairs = zip(paths, meshes, strict=True)
         paths = [path if path.mesh is mesh else path.on(mesh) for path, mesh in pairs]

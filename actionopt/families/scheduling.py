@@ -17,9 +17,10 @@ RETRY_DISTANCE = 0.75  # of its distance from a neighbour, at which a member is 
 MEMBER_TRIES = 4  # of a member, before it is left alone
 STRICTLY = 1 - 1e-9  # less than a square: rounding
 DISTANCE_BATCH = 64  # points whose distances from all others are taken at once
-# Of `weights`: neighbours for so many quantities, the kernel's width in units of the farthest
-# one's distance, and what is added to its diagonal, so that it can be inverted: in the rows of the
-# kernel, of the constant, which comes first where neighbours are few, and of the linear terms.
+# How `weights` are found: neighbours for so many quantities, the kernel's width in units of the
+# farthest one's distance, and what is added to its diagonal, so that it can be inverted: in the
+# rows of the kernel, of the constant, which comes first where neighbours are few, and of the linear
+# terms.
 NEIGHBOURS, KERNEL_WIDTH, NUGGETS = (1, 6, 10, 16, 22), 1.5, (1e-11, -1e-12, -1e-7)
 
 

@@ -14,13 +14,13 @@ import numpy as np
 
 from actionopt.tools.types import Array, NDInt
 
-# Of a change, in units of the changes between the two neighbours on either side: more is a break.
+# A change that is more, in units of those between the two neighbours on either side, is a break.
 # Ad hoc: beside a fold, where paths differ by the square root of the distance, it is 2.7.
 BREAK = 4.0
 TORN = 8.0  # the same, of a change inside what hangs together otherwise; ad hoc
 TEARS = 16  # that are followed in one map; ad hoc
-# Of the range over the grid: smaller changes tell nothing, nor does a smaller range of a quantity's
-# own size; ad hoc, above their error.
+# Changes smaller than this part of the range over the grid tell nothing, nor does a range so small
+# beside a quantity's own size; ad hoc, above their error.
 SMALLEST_CHANGE = 1e-6
 CELL_OFFSETS = (-2, -1, 1, 2)
 

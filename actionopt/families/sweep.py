@@ -41,13 +41,13 @@ if TYPE_CHECKING:
 
 # of a task, about: what is lost with a worker, and much beside what sending it takes
 TASK_SECONDS = 1.0
-# Of a member, and of its unknowns times its coordinates. Measured, with 117 to 542 unknowns, to a
-# factor of two.
+# What a member takes, and each of its unknowns times coordinates. Measured, with 117 to 542
+# unknowns, to a factor of two.
 MEMBER_SECONDS, UNKNOWN_SECONDS = 1e-4, 8e-7
-# Of one with constraints or forces, solved near another one, and of its unknowns. Measured, with 30
-# to 7,340 unknowns of 1 to 40 coordinates, to a factor of two.
+# The same for one with constraints or forces, solved near another one. Measured, with 30 to 7,340
+# unknowns of 1 to 40 coordinates, to a factor of two.
 ALONE_SECONDS, ALONE_UNKNOWN_SECONDS = 1e-3, 1e-5
-# Of one with more to be found than a path, and of one along an obstacle, which is sought anew.
+# What one takes with more to be found than a path, and one along an obstacle, which is sought anew.
 # Measured on seven and on five questions, to a factor of two.
 MORE_SECONDS, CONTACT_SECONDS = 6e-3, 5e-2
 MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad hoc

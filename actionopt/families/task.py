@@ -28,7 +28,7 @@ Answers = dict[str, Array]
 REFUSED, ERROR = "REFUSED", "ERROR"
 
 
-# Of answers: rows with an item for each member.
+# Names of answers that are rows with an item for each member.
 PER_MEMBER = (
     "members", "status", "action", "error", "momenta", "ends", "slopes", "index", "unsought"
 )  # fmt: skip

@@ -51,7 +51,8 @@ Vary = Name | Callable[[float], Problem]
 CONTACT_STEP, CONTACT_CHANGE = 0.01, 0.1  # over a change of contact, and of a path there
 SHORTEST_CONTACT = 1e-3  # a step that is halved no more where contact may change
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.25, 1e-7
-# Of the Jacobi fields; derived: eigenvalues converge twice as fast, and signs are asked, no more.
+# What the mesh leaves out of Jacobi fields; derived: eigenvalues converge twice as fast, and only
+# their signs are asked for.
 TRACE_RESOLUTION = 1e-5
 SHORTEST_TOLD = 1e-4  # a step that is halved no more to tell what changes within it
 GROWN_UNITS = 2.0  # times the units of the coordinates: then these grow along, and steps with them

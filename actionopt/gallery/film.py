@@ -27,7 +27,7 @@ FILM_GAP = 0.3  # between films on one clock
 START = (0.12, 1.2)  # of the modes: where a path on a map begins
 MAPPED = 1.5  # of the modes, to either side on their maps
 MAP_LINES = 8  # lines of a map, on either side of the motion's
-# Of the picture's size: an arrow that shows which way a coordinate grows; where there are many.
+# An arrow that shows which way a coordinate grows, in the picture's size; one of many.
 ARROW, SHORT_ARROW = 0.16, 0.1
 ARROW_STEP = 1e-5  # of a coordinate's size, to see which way that is
 CURVES = 4  # coordinates in a graph

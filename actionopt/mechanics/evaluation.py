@@ -15,7 +15,7 @@ from actionopt.mechanics.tracing import ParameterTable
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
-# Of Newton's method in `velocity`; ad hoc.
+# Newton's method in `velocity`; ad hoc.
 NO_VELOCITY: Any = object()  # in place of v, for functions of q and t alone
 NEWTON_STEPS = 50
 DAMPED_STEP = 1e-8  # of the velocity: a longer one is shortened where it leads away

@@ -22,7 +22,7 @@ from actionopt.tools.types import EPS, Array
 Instant = tuple[float, float]  # the last time before it and the first one after it
 
 INTERVALS = 10_000  # followed at once: more of them are round-off; ad hoc, four times `SAMPLES`
-# Of the duration: instants closer together are one, and no element is shorter. Derived: 450
+# Instants closer together, in the duration, are one, and no element is shorter. Derived: 450
 # spacings of times, so that the nodes of an element of degree 10 stay apart.
 SHORTEST = 1e-13
 

@@ -50,7 +50,7 @@ from actionopt.tools.types import Array
 
 Generator = Callable[..., Any] | Sequence[float] | Array
 
-# Of the Gauss-Legendre rule that integrates F: exact for polynomials up to t^31, q^31. Ad hoc.
+# Points of the Gauss-Legendre rule that integrates F: exact for polynomials to t^31, q^31. Ad hoc.
 GAUGE_POINTS = 16
 SURFACE_STEPS = 60  # Newton's method onto the constraints, from far away; ad hoc
 FINITE = 4  # points at which an expression must be finite to be judged; ad hoc

@@ -127,7 +127,7 @@ def is_smooth_in_path(law: Tape) -> bool:
         return True
     of_path = law.fold(lambda node, operands: any(operands) or 0 <= node.entry[0] < 2)
     return not any(
-        # Of the two operands of "x where c" only the condition c makes a kink.
+        # Only the condition c of "x where c" makes a kink, the other operand does not.
         node.operation in KINKS
         and any(of_path[i] for i in node.operands[: 2 - (node.operation == ca.OP_IF_ELSE_ZERO)])
         for node in law.nodes

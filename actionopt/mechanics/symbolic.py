@@ -26,7 +26,7 @@ from actionopt.tools.tape import Node, Tape
 
 SIMPLE_FRACTION = 100  # numbers that are fractions of so small a denominator are written as such
 
-# Of sympy's functions, by name, those that CasADi has under another name; the others it has.
+# Functions of sympy's that CasADi has under another name; it has the others under theirs.
 RENAMED = {"Abs": "fabs", "ceiling": "ceil", "Pow": "power"}
 PAIRWISE = {
     "Add": operator.add, "Mul": operator.mul, "Min": ca.fmin, "Max": ca.fmax,

@@ -155,7 +155,7 @@ def _sparse(ax: Any) -> None:
     lines = [line.get_window_extent().x0 for line in upright]
     _hide_overlaps((words for words in ax.texts if words.get_label() == IF_ROOM), lines)
     _hide_overlaps(ax.get_xticklabels(), ())
-    # Of a column zero is the last to go.
+    # Zero is the last of a column to go.
     column = sorted(ax.get_yticklabels(), key=lambda words: abs(words.get_position()[1]))
     _hide_overlaps(column, (), up=True)
 

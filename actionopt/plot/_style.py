@@ -99,8 +99,8 @@ UNSIGNED, UNSIGNED_DARK = (
     ListedColormap(colormaps["cividis"](np.linspace(*part, 256)), "unsigned")
     for part in ((0.0, 0.6), (0.4, 1.0))
 )
-# Of what turns round, in Oklab (B. Ottosson 2020): lightnesses from 0.48 to 0.64 have a contrast
-# of 3 and more on white and on black.
+# Colours of what turns round, in Oklab (B. Ottosson 2020): lightnesses from 0.48 to 0.64 have a
+# contrast of 3 and more on white and on black.
 MIDDLE, SWING, SATURATION = 0.56, 0.08, 0.11
 OKLAB_TO_LMS = np.array(
     [

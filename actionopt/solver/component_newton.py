@@ -18,7 +18,7 @@ from actionopt.tools.types import Array
 
 # Measured on nine questions to 128 masses of an FPUT lattice: seven are reached in 13 to 410 steps.
 # Limits from 0.1 on, or up to 2, or ways that begin anew never or at the same place, reach fewer.
-# Of 512 masses there are four times as many places, and a step costs four times as much.
+# A lattice of 512 has four times as many places, and a step on it costs four times as much.
 COMPONENT_STEPS, MASS_STEPS, RUN, BESIDE = 700, 90_000, 60, 0.1
 SMALLEST_LIMIT, LARGEST_LIMIT = 0.3, 1.0  # limits, in units of the coordinates' sizes
 PUT_BACK = 3.0  # where a coordinate is put back

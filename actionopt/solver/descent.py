@@ -122,7 +122,7 @@ def falls_from(tr: Transcription, saddle: Array, loose: Array) -> bool:
 
 
 def _falls(tr: Transcription, first: Array, away: Array) -> bool:
-    """Whether S falls beyond `away` from a path, at each step twice as far, until it has run away."""
+    """Whether S falls beyond `away` from a path, each step twice as far, until it has run away."""
     action = tr.action(first + away)
     while np.abs(first + away).max() < RUNAWAY:
         away = 2 * away

@@ -23,8 +23,8 @@ from actionopt.tools.types import Array
 SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
 LINE = 41  # points on the straight line; a guess that comes back has as many each way
-# Of one coordinate: points of its quadrature at most, and what one more halving may change of the
-# duration in each interval.
+# The quadrature of a duration, with one coordinate: the most points, and the part of the duration
+# by which one more halving of an interval may change it.
 QUADRATURE_POINTS, QUADRATURE_CHANGE = 4000, 1e-6
 # Part of an energy within which a point may be a turning point, and two paths one; real part of a
 # rate that is imaginary, of the largest. Derived: half the digits.

@@ -37,7 +37,7 @@ def may_be_family(ws: Workspace, status: Status) -> bool:
     if not (status.success or status is Status.FLOOR):
         return status is Status.UNRESOLVED or (status in LOST and ws.unpolished is not None)
     here = ws.here
-    # Of one coordinate the noise itself tells, in units of the motion.
+    # With one coordinate the noise tells by itself, in units of the motion.
     if not here.can_be_one_of_many and here.noise * (here.sizes / here.lengths).max() <= ROUNDED:
         return False
     try:

@@ -116,7 +116,7 @@ class FirstPaths:
             for represented in REPRESENTED:
                 path = resolve_curve(known, curve_on, represented)
                 yield path, None, "line"
-                # Of a path over a given duration the energy is known better than of its first.
+                # A path over a given duration tells its energy better than its first curve.
                 at = self._over(known.duration, DiscretePath.of(known, path))
                 if at is not None:
                     yield at.path, at.rows, "duration"
@@ -208,7 +208,7 @@ class FirstPaths:
         excess, T = self.excess(low), low.mesh.duration
         energy = float(self.problem.energy or 0)
         tried = [at.mesh.duration for at in seen]
-        # Of half of the paths; those in the shortest durations have any energy.
+        # The energies of half of the paths tell; those of the shortest durations may be any.
         size = max(float(np.median(np.abs([self.excess(at) - excess for at in seen]))), abs(energy))
         known = max(ENERGY_ROUNDOFF, self.tol**2) * size  # the error is the square of a path's
         self.hint = self.blocked

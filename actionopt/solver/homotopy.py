@@ -27,7 +27,7 @@ HOMOTOPY_STEPS, FEWEST_STEPS, ALL_STEPS_SIZE = 240, 20, 200
 # farther, in steps that get no longer.
 RUNAWAY_FORCE, RUNAWAY_CURVE = 100.0, 50.0
 # Ad hoc.
-# Of arclength in s and the root mean square of the coordinates; halved where the corrector fails.
+# Steps of arclength in s and the coordinates' root mean square; halved where the corrector fails.
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
 CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector

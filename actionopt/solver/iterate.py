@@ -39,13 +39,13 @@ VELOCITY_ERROR = 10.0  # relative, of spurious paths; on the scenes 0.08 at most
 # of the errors in docs/calibration.md below their estimates; three times more or less changes
 # iterations by 1 % over the scenes and 40 stress cases, and no status but a kink's.
 SAFETY = 4.0
-# Of paths of higher order under constraints, which hold in the mean and not at points. Measured on
-# 80 random questions: their errors were up to 46 times the estimate without it, mostly less than 1.
+# The gain of paths of higher order under constraints, which hold in the mean and not at points.
+# Measured on 80 random questions: without it errors were up to 46 times the estimate, mostly < 1.
 HELD_GAIN = 48.0
 # From what a varying energy shows of an error. Measured: 0.9 to 1.2 of it are the error at cusps.
 DRIFT_SAFETY = 2.0
-# Of evaluating the polynomial, in its own size, to begin with; derived: an eps each for the sum and
-# for the weights.
+# The round-off of a polynomial's value, in its own size; derived: an eps each for the sum and for
+# the weights.
 POLYNOMIAL_ROUNDOFF = 2 * float(np.finfo(float).eps)
 ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensitive, at most; ad hoc
 # Assumed ratio of global to local error before there is a measured one. Measured on the problems of

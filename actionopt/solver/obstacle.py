@@ -58,12 +58,14 @@ FLATTEST = 1e-6  # of its gradient on the straight line: a row that still has a 
 TURN = np.pi / 4  # of the obstacle's normal along one of these
 RUNAWAY_STEP = 10.0  # in units of the motion: a longer step leads nowhere
 SHRINK = 0.2  # of its length, what one step leaves of a part at least
-# Of the duration, in this range the tolerance: a shorter part between times of contact is none. Of
-# the path's size, the greater one: what may be inside of the obstacle where such parts come and go.
+# A part between times of contact is none if it is shorter, in the duration, than the tolerance,
+# kept in this range. Where such parts come and go a path may be inside of the obstacle by the end of
+# the range, in its size.
 VANISHING = 1e-10, 1e-5
 SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that need not be taken
-# Of the duration: steps that stop contracting below this are round-off if two do. One may correct
-# what the last step left of the path, and be as long: of 72 walls of 1:100 that lost 14.
+# Steps of the times of contact are round-off if two, shorter than this part of the duration, do not
+# contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
+# 72 walls of 1:100.
 STALLED_TIME = 1e-6
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero

@@ -119,7 +119,7 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
             if ws.here.noise <= UNDETERMINED:
                 return Status.FLOOR
             status = _failure(ws)
-            # Of linear equations that bend in all directions it is a path, as far as it is known.
+            # Linear equations that bend in all directions have a path, known as far as it is.
             return Status.FLOOR if ws.linear and status is Status.UNRESOLVED else status
         stalled = stalled + 1 if worst > before.worst / 2 else 0
         if stalled == STALLED or ws.has_kink:

@@ -50,7 +50,7 @@ BUDGET, EXPENSIVE = 20_000, 500
 # How many strategies, in their order, are tried from a curved line, too: those that cost little,
 # before others from the straight one, and all to which it means anything.
 CURVED_FIRST, CURVED_STRATEGIES = 2, 7
-# Of a curved line, in the motion's sizes; ad hoc ("flat" here is as in `workspace`: this is).
+# How far a curved line is from the straight one, in the motion's sizes; ad hoc, flat (`workspace`).
 CURVED_HEIGHT = 0.4
 LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again; ad hoc
 # Elements tried before others where coordinates are many. Measured on chains, bodies and lattices:

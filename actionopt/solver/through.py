@@ -53,8 +53,8 @@ LEG_ELEMENTS = 2  # of a leg of a first path
 FIRST_POLYGONS = 24  # first paths that are tried, straight between events, and as many motions
 BEFORE_RAYS = 2  # of them, before motions are
 ALL_ROUNDS = 10  # of motions, to find all answers
-# Of the sizes, and of the duration: nearer paths on their first mesh are one. Of the momenta: a
-# larger change where a path closes is a kink.
+# Two paths on their first mesh are one if they differ by less, in the sizes and in the duration. A
+# closed path has a kink where its momenta change by more, in their own sizes.
 SAME_FIRST = 1e-4
 SMALLEST_SIZE = 0.3  # of a coordinate, of the largest one's
 PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of logarithms of times

@@ -520,7 +520,7 @@ def solve_free_boundary(
             yield from ((*each, True) for each in firsts)
         if known:
             return
-        # Of one coordinate every motion takes the straight line.
+        # With one coordinate every motion takes the straight line.
         shut = bool(first.blocked) and problem.system.n == 1
         if guess is not None or problem.on_surface or first.merged is not None or shut:
             return

@@ -13,7 +13,7 @@ from actionopt.solver.ipopt import ABSENT, is_there
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
 
-# Of these nothing is known but what their mesh leaves out.
+# Verdicts on paths of which nothing is known but what their mesh leaves out.
 UNKNOWN = (Status.NOT_FOUND, Status.OUT_OF_TIME, Status.UNRESOLVED)
 
 

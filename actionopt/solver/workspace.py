@@ -52,8 +52,8 @@ UNITS_RATIO = 4.0  # of coordinates' sizes, within which the units of action are
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 DESCENTS = 3  # one after the other
 QUICK_STEPS = 12  # damped, before something else is tried; flat
-# Of the coefficients a mesh leaves out, what Newton's method may leave there. Flat, and up to ten
-# times as much; without it, 1.4 % more iterations.
+# The part of the coefficients that a mesh leaves out by which Newton's method may stop short of the
+# path. Flat, and up to ten times as much; without it, 1.4 % more iterations.
 PASSABLE = 0.01
 FOLLOWED_REACH = 0.1  # a path that moves farther when refined, in its own size, is another; flat
 EXPECTED = 2.0  # times what is missed, to first order, that a path may move when it is seen; flat

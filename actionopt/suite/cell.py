@@ -63,7 +63,7 @@ def attempt(cell: Cell) -> dict[str, Any]:
         "seconds": answer.seconds,
         "times": list(answer.times),
         "evaluations": answer.evaluations,
-        # Of a problem of its own: a solver could have left its mark on the other.
+        # A problem of its own counts them: a solver could have left its mark on the other.
         "history": cell.make().history(answer.program.visited or []),
         "x": np.asarray(answer.x, dtype=float).ravel().tolist(),
         "differing": [

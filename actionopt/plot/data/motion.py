@@ -25,7 +25,7 @@ TRAIL_TIMES = CURVE_TIMES // 2  # times of a trail
 PLACE_STEP = 1e-4  # of a coordinate's size, to differentiate bodies' places by
 STILL = 1e-9  # of the picture's size: what moves less does not move
 UNEXPLAINED = 1e-6  # share of the generalized forces that forces on bodies may leave over
-# Of a spring that is drawn: its turns, and its breadth in parts of the picture's size.
+# A spring that is drawn: its turns, and its breadth in parts of the picture's size.
 SPRING_TURNS, SPRING_BREADTH = 8, 0.03
 LONGEST_ARROW = 0.25  # of the picture's size: the longest arrow
 DATA_UNITS = 2000  # a picture's size in the units to which plain data are rounded

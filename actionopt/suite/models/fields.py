@@ -11,8 +11,8 @@ import numpy as np
 from actionopt.suite.models.model import KnownAnswer, WrittenModel
 from actionopt.tools.types import Array
 
-# Of Newton's method, which needs about ten, or of the active set: 32 to 44 with 200 cells a side,
-# in proportion to them.
+# Rounds of Newton's method, which needs about ten, or of the active set: 32 to 44 with 200 cells a
+# side, in proportion to them.
 MOST_ROUNDS = 100
 STEP_OF_ROUND_OFF = 1e-13  # a step of Newton's method that is round-off
 UNSETTLED = "expected cells whose answer settles, found {0}: it does not in {1} rounds; use fewer"
