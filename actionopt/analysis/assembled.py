@@ -115,7 +115,7 @@ class AssembledForm:
 
     @property
     def node_weights(self) -> Array:
-        """Those of the quadrature over time, (K,)."""
+        """The weights of the quadrature over time, (K,)."""
         tr = self.at.tr
         return np.bincount(tr.layout.node_of, tr.weight[:, 0])
 

@@ -162,7 +162,7 @@ class Comparison:
 
 
 class Claim(Protocol):
-    """What is judged: a path that is said to be a motion, such as a solution."""
+    """A path that is said to be a motion, such as a solution, to be judged."""
 
     @property
     def problem(self) -> Problem: ...  # noqa: D102

@@ -49,7 +49,7 @@ class IntegrationError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class FlowUnits:
-    """What the integrator measures in: sizes of q and of v, shape (n,), and of the equations.
+    """The units of an integrator: sizes of q and of v, shape (n,), and of the equations.
 
     `rows` (n + m,) equilibrates the matrix of the index-1 equations, whose entries have as
     many units as there are pairs of coordinates. Its first n go with the inverse root of each

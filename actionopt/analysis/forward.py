@@ -118,7 +118,7 @@ def integrate(
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """What is integrated without a stop.
+    """A part of a motion that is integrated without a stop.
 
     Attributes
     ----------
@@ -310,7 +310,7 @@ def restarts(mesh: Mesh, instants: list[Instant]) -> list[Instant]:
 
 @dataclass(frozen=True, eq=False)
 class _Rough:
-    """What rough integrations tell of a motion.
+    """The units and the sizes of a motion that rough integrations tell.
 
     Attributes
     ----------

@@ -228,7 +228,7 @@ class _Operator(Protocol):
 
     @property
     def size(self) -> int:
-        """Of rows and columns."""
+        """The number of rows and columns."""
         ...
 
     def times(self, block: Array) -> Array:
@@ -267,12 +267,12 @@ class _Assembled:
 
     @property
     def size(self) -> int:
-        """Of vectors: the free coordinates of nodes, times the roots of their masses."""
+        """The length of vectors: free coordinates of nodes, times the roots of their masses."""
         return self.form.at.tr.layout.unknowns
 
     @cached_property
     def masses(self) -> Array:
-        """Those of the unknowns of the equations, (unknowns,)."""
+        """The masses of the unknowns of the equations, (unknowns,)."""
         tr, layout = self.form.at.tr, self.form.at.tr.layout
         node, coordinate = np.divmod(layout.free, layout.width)
         return (

@@ -167,12 +167,12 @@ class CanonicalPath:
 
     @property
     def mesh(self) -> Mesh:
-        """That of the path."""
+        """The mesh of the path."""
         return self.at.mesh
 
     @property
     def start(self) -> State:
-        """Where the motion begins."""
+        """The state in which the motion begins."""
         t = self.mesh.boundaries[0]
         return State(t, self(t), self.velocity(t))
 

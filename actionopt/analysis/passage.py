@@ -26,7 +26,7 @@ PINNED = 1e-7
 
 
 class Side:
-    """What a path has on one side of an event: v, p, p' = L_q and H_t = -L_t."""
+    """The state of a path on one side of an event: v, p, p' = L_q and H_t = -L_t."""
 
     def __init__(self, form: Form, node: int) -> None:
         at, system, packed = form.at, form.at.problem.system, form.at.problem.packed

@@ -51,7 +51,7 @@ STILL_CHANGES = 100.0  # times the tolerance: where round-off alone changes it f
 
 
 class Curve(Protocol):
-    """What motions are about."""
+    """A curve about which motions are integrated."""
 
     @property
     def mesh(self) -> Mesh: ...  # noqa: D102

@@ -368,7 +368,7 @@ def check_legendre(form: Form) -> None:
 
 @dataclass(frozen=True, eq=False)
 class SchurComplement:
-    """What is left when a path is eliminated.
+    """The form that is left when the inside of a path is eliminated.
 
     Attributes
     ----------

@@ -689,7 +689,7 @@ class Solution:
 
     @property
     def _unknowns(self) -> Unknowns | None:
-        """Those that a file holds: where L contains accelerations."""
+        """The unknowns that a file holds: where L contains accelerations."""
         if isinstance(self.problem, Problem):  # what was loaded from a file alone has no system
             return self.discrete.unknowns if self.problem.system.order > 1 else None
         return None if self.ends is None else self.ends.unknowns

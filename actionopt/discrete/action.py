@@ -44,7 +44,7 @@ RATE = 8.0
 
 @dataclass(eq=False, slots=True)
 class Evaluations:
-    """What was computed for unknowns, to be used again; `x` are their bytes, soon compared.
+    """The results for some unknowns, to be used again; `x` are their bytes, soon compared.
 
     Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`,
     both (evaluations, n), or all derivatives but the highest and that one (`mechanics.tracing`).
@@ -197,7 +197,7 @@ class Action:
 
     @property
     def units(self) -> ActionUnits:
-        """What may be those of another mesh: `like` needs no more."""
+        """The units, which may be those of another mesh: `like` needs no more."""
         return ActionUnits(self.origin, self.inertia, self.action_unit, self.row_units, self.rate)
 
     def element_times(self, elements: NDInt, times: Array) -> Array:

@@ -346,10 +346,7 @@ class Rows:
         """The number s of expressions."""
         return self.units.size
 
-    @property
-    def multipliers(self) -> int:
-        """All of them."""
-        return self.units.size
+    multipliers = size  # all of them are
 
     @classmethod
     def of(cls, at: DiscretePath) -> list[Rows]:
@@ -431,10 +428,7 @@ class Integral:
         """The number c of integrals."""
         return self.values.size
 
-    @property
-    def multipliers(self) -> int:
-        """All of them."""
-        return self.values.size
+    multipliers = size  # all of them are
 
     @classmethod
     def of(cls, at: DiscretePath) -> Integral:
@@ -529,10 +523,7 @@ class PhaseCondition:
         """The number k of directions."""
         return self.c.size
 
-    @property
-    def multipliers(self) -> int:
-        """All of the forces."""
-        return self.c.size
+    multipliers = size  # all of them are
 
     def begin(self, at: DiscretePath) -> Array:
         """Return no forces, (k,)."""

@@ -75,7 +75,7 @@ class DiscretePath:
 
     @property
     def unknowns(self) -> Unknowns:
-        """What tells the path, given its problem and its mesh."""
+        """The numbers that tell the path, given its problem and its mesh."""
         return Unknowns(self.z, self.tr.lengths, self.tr.units)
 
     @property

@@ -56,7 +56,7 @@ class Element:
 
     @cached_property
     def stiffness(self) -> list[list[Array]]:
-        """For derivatives i, j the matrices w_k B_i,ka B_j,kb, ((d + 1)^2, d + 1): row (a, b)."""
+        """The matrices w_k B_i,ka B_j,kb of derivatives i, j, ((d + 1)^2, d + 1): row (a, b)."""
         return self._weigh(self.basis)
 
     @cached_property

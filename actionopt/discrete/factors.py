@@ -91,7 +91,7 @@ class Factors:
 
     @cached_property
     def _direct(self) -> Callable[[Array], Array] | None:
-        """What solves but for errors; None if nothing does so quickly."""
+        """A function that solves but for errors; None if nothing does so quickly."""
         layout, pays = self.layout, self._pays
         if layout.small and not pays:
             return None

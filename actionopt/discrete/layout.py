@@ -42,7 +42,7 @@ class MatrixLayout:
 
     @property
     def solvers(self) -> dict[str, Any]:
-        """What was compiled for this shape, by kind; each thread has its own, memory included."""
+        """The solvers compiled for this shape, by kind; each thread has its own, with memory."""
         return self._own.kinds
 
     @property
@@ -256,7 +256,7 @@ class Layout(MatrixLayout):
 
     @cached_property
     def blocks(self) -> Blocks:
-        """Where everything is in a matrix stored in blocks."""
+        """The places of everything in a matrix stored in blocks."""
         n = self.width
         f = n + self.row_number.shape[1]
         node, coordinate = np.divmod(self.free, n)
@@ -389,7 +389,7 @@ class Layout(MatrixLayout):
 
 
 class BorderedLayout(MatrixLayout):
-    """That of [K B; C D]: a KKT matrix with a border of a few unknowns and equations.
+    """The layout of [K B; C D]: a KKT matrix with a border of a few unknowns and equations.
 
     The nonzeros are those of K, and B (size, b), C (b, size) and D (b, b), one after the other.
 

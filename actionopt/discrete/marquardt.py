@@ -54,7 +54,7 @@ NEAR_STEP = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Where the steps led: z (size,), whether a path is near it, and factorizations used."""
+    """The end of the steps: z (size,), whether a path is near it, and factorizations used."""
 
     z: Array
     near: bool

@@ -38,7 +38,7 @@ TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs nex
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """Where Newton's method arrived.
+    """The end of Newton's method.
 
     Attributes
     ----------

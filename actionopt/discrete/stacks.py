@@ -89,7 +89,7 @@ class StackShape:
 
     @property
     def inner(self) -> int:
-        """Those of the nodes inside."""
+        """The unknowns of the nodes inside."""
         return (self.P - 2) * self.n
 
     @cached_property
@@ -104,7 +104,7 @@ class StackShape:
 
     @cached_property
     def sampling(self) -> list[tuple[NDInt | slice, Sampling]]:
-        """Where the equations are summed once more, by kinds of elements: see `second_quadrature`.
+        """The points of a second quadrature, by kinds of elements: see `second_quadrature`.
 
         Elements and rule of each kind.
         """

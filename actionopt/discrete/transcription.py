@@ -57,7 +57,7 @@ class Transcription(Action):
 
     @cached_property
     def kinetic_unit(self) -> Array:
-        """What each unknown is of the same inertia, (unknowns,), one for the least of them."""
+        """The sizes of unknowns of the same inertia, (unknowns,), one for the least of them."""
         if self.problem.system.n == 1:
             return np.ones(self.layout.unknowns)
         mass = diagonal(self.problem.system, 2, self.inertia[None])[0]
@@ -75,7 +75,7 @@ class Transcription(Action):
 
     @cached_property
     def between_nodes(self) -> list[second_quadrature.Batch]:
-        """Where else the equations are summed."""
+        """The other points at which the equations are summed."""
         return second_quadrature.batches(self)
 
     def quadrature_defect(self, z: Array, *, followed: bool = True) -> tuple[Array, float]:

@@ -20,7 +20,7 @@ FREE_BUDGET = 3 * BUDGET
 
 
 class Budget:
-    """What was spent on paths that were found, and on searches in vain; `limited` or not."""
+    """The cost of paths that were found, and of searches in vain; `limited` or not."""
 
     def __init__(self, limited: bool) -> None:
         self.limit = FREE_BUDGET if limited else math.inf

@@ -38,7 +38,7 @@ def check_executor(executor: Executor | None) -> None:
 
 
 class Entered(Protocol):
-    """What answers are entered in."""
+    """Something in which answers are entered: the arrays of a run."""
 
     def put(self, answers: Answers) -> None:
         """Enter what came of a task."""

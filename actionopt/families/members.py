@@ -20,7 +20,7 @@ from actionopt.tools.types import Array, NDInt
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """What came of k members, in the order in which they were given.
+    """The answers of k members, in the order in which they were given.
 
     Attributes
     ----------

@@ -217,7 +217,7 @@ class Runs:
 
     @property
     def problem(self) -> Problem:
-        """What all members have in common."""
+        """The problem of which all members are variants."""
         return self.grid.problem
 
     @property

@@ -25,7 +25,7 @@ NEIGHBOURS, KERNEL_WIDTH, NUGGETS = (1, 6, 10, 16, 22), 1.5, (1e-11, -1e-12, -1e
 
 
 class Front:
-    """What is known of some members, and who is to be tried next.
+    """The members that are known, and those that are to be tried next.
 
     Parameters
     ----------

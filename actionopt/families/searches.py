@@ -103,7 +103,7 @@ class Winding:
 
 
 class Start(NamedTuple):
-    """Where a path is sought from, a guess or the straight line, and how that was found.
+    """A curve from which a path is sought, a guess or the straight line, and how it was found.
 
     Or what has come of it.
     """

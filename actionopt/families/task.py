@@ -35,7 +35,7 @@ PER_MEMBER = (
 
 
 class Seed(NamedTuple):
-    """From where to begin: a path, and the values of its member.
+    """A path to begin from, and the values of its member.
 
     And which of the members of a task is the nearest to it, and how many steps of the grid away.
     """

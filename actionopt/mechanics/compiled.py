@@ -127,7 +127,7 @@ class Pointwise:
 
     @cached_property
     def _columns(self) -> Columns | None:
-        """What takes a third of CasADi's time at very many times; None where it is no use."""
+        """A function that takes a third of CasADi's time at very many times, or None."""
         f = self.function
         if not f.is_a("SXFunction") or f.sz_w() * TIMES_PER_CALL > KEPT:
             return None
@@ -179,7 +179,7 @@ class Pointwise:
 
 
 class _Memory(threading.local):
-    """What one thread has ready, by the number of times; the oldest is given up first."""
+    """The memory that one thread keeps, by the number of times; the oldest is given up first."""
 
     def __init__(self) -> None:
         self.ready: dict[int, tuple] = {}

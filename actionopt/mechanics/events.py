@@ -354,7 +354,7 @@ class Periodic(Event):
 
 
 class Phase(NamedTuple):
-    """What chooses one of the paths that differ by a shift of time: normal . (q - center) = 0 at t.
+    """A choice among paths that differ by a shift of time: normal . (q - center) = 0 at t.
 
     `weight` is in units of action.
     """

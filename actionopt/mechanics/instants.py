@@ -41,7 +41,7 @@ CLOCKED = {*ZEROS, *DIFFERENCES, *ROUNDING_CODES, *REMAINDERS}
 
 @dataclass(frozen=True, eq=False)
 class ClockSwitches:
-    """What switches with the time alone.
+    """The branches of a law that switch with the time alone.
 
     Attributes
     ----------

@@ -63,7 +63,7 @@ class Once(Generic[T]):
 
 @dataclass(frozen=True)
 class Structure:
-    """What a system's derivatives depend on, read off their expressions once.
+    """The dependences of a system's derivatives, read off their expressions once.
 
     What is absent here is not built, evaluated or stored by the solver.
     """

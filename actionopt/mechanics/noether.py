@@ -57,7 +57,7 @@ FINITE = 4  # points at which an expression must be finite to be judged; ad hoc
 
 
 class HasMotion(Protocol):
-    """What `Conserved.drift` asks of a solution."""
+    """A solution, as far as `Conserved.drift` asks for one."""
 
     @property
     def problem(self) -> Problem: ...  # noqa: D102

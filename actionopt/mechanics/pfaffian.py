@@ -39,7 +39,7 @@ LEAF_ACCURACY = 1e-12  # of the leaf's slope, at a distance `reach`
 
 @dataclass(frozen=True)
 class Frobenius:
-    """What the test of integrability found.
+    """The result of the test of integrability.
 
     Attributes
     ----------

@@ -602,7 +602,7 @@ class Problem:
 
     @cached_property
     def origin(self) -> Array | None:
-        """From where the solver measures each coordinate, (n,); None for zero in all of them."""
+        """The point from which the solver measures coordinates, (n,); None for zero in all."""
         return self._motion[1]
 
     @cached_property

@@ -46,7 +46,7 @@ ELEMENTARY_NAMES = (
 
 @dataclass(frozen=True)
 class Reading:
-    """What sympy's symbols stand for: coordinates q, velocities v, the time; the rest parameters.
+    """The meaning of sympy's symbols: coordinates q, velocities v, the time; the rest parameters.
 
     Raises ValueError if these are no symbols or functions of time, one for each.
     """
@@ -95,7 +95,7 @@ class Reading:
 
     @cached_property
     def _places(self) -> dict[Any, tuple[str, int]]:
-        """Where the value of each symbol is to be found, and that of each function's rate."""
+        """The place of each symbol's value, and of each function's rate."""
         places: dict[Any, tuple[str, int]] = {}
         for k, (x, rate) in enumerate(zip(self.q, self.v, strict=True)):
             if self.t is not None and isinstance(x, AppliedUndef):

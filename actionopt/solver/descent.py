@@ -34,7 +34,7 @@ RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 
 @dataclass(frozen=True, eq=False)
 class Descended:
-    """Where the descent arrived.
+    """The end of a descent.
 
     Attributes
     ----------

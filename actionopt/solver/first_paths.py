@@ -58,7 +58,7 @@ AHEAD, DURATION_CUT = 3.0, 0.4
 
 @dataclass
 class FirstPaths:
-    """Where a search for a path of a given energy sets out.
+    """The first paths of a search for a path of a given energy.
 
     Attributes
     ----------

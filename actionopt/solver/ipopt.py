@@ -62,7 +62,7 @@ def is_there() -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What came of one call of Ipopt: the last iterate z, its word, and the iterations."""
+    """The outcome of one call of Ipopt: the last iterate z, its word, and the iterations."""
 
     z: Array
     status: str
@@ -169,7 +169,7 @@ class _Given:
 
     @property
     def sparsity(self) -> ca.Sparsity:
-        """That of the Jacobian."""
+        """The sparsity of the Jacobian."""
         return self._pattern[0]
 
     @cached_property

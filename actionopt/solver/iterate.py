@@ -96,7 +96,7 @@ class Iterate(DiscretePath):
 
     @property
     def equations(self) -> Equations:
-        """What it is to solve: those of the path alone."""
+        """The equations that it is to solve: those of the path alone."""
         return self.tr
 
     @property
@@ -138,7 +138,7 @@ class Iterate(DiscretePath):
 
     @property
     def _least_gain(self) -> float:
-        """By how much what the mesh leaves out counts at least."""
+        """The least factor by which what the mesh leaves out counts in the error."""
         layout = self.tr.layout
         return HELD_GAIN if layout.rows and self.tr.order > 1 else 0.0
 
@@ -149,7 +149,7 @@ class Iterate(DiscretePath):
 
     @property
     def rough(self) -> float:
-        """What the mesh leaves out, in units of the motion."""
+        """The largest coefficient that the mesh leaves out, in units of the motion."""
         return self.resolution.worst * float((self.sizes / self.lengths).max())
 
     @property
@@ -161,7 +161,7 @@ class Iterate(DiscretePath):
 
     @property
     def unit(self) -> float:
-        """What `coordinate_scales` steps are in the path's own size, at most."""
+        """The largest factor from steps in the solver's units to those in the path's own sizes."""
         return self._unit(self.sizes)
 
     def _unit(self, sizes: Array) -> float:
@@ -219,7 +219,7 @@ class Iterate(DiscretePath):
 
     @property
     def growth(self) -> float:
-        """By how much that step makes the variation grow, once it has been taken.
+        """The factor by which that step makes the variation grow, once it has been taken.
 
         In the kinetic metric (Golub and Van Loan, *Matrix Computations* (4th ed. 2013), section
         7.6): 1 / |mu| or less, for the eigenvalue mu of the second variation that is nearest zero.
@@ -314,7 +314,7 @@ class UnfixedPath(Iterate):
 
     @property
     def equations(self) -> Bordered:
-        """What it is to solve: the equations of the path, and of what is beside it."""
+        """The equations that it is to solve: those of the path, and of what is beside it."""
         return self.bordered
 
     @property

@@ -59,8 +59,8 @@ TURN = np.pi / 4  # of the obstacle's normal along one of these
 RUNAWAY_STEP = 10.0  # in units of the motion: a longer step leads nowhere
 SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # A part between times of contact is none if it is shorter, in the duration, than the tolerance,
-# kept in this range. Where such parts come and go a path may be inside of the obstacle by the end of
-# the range, in its size.
+# kept in this range. Where such parts come and go a path may be inside of the obstacle by the end
+# of the range, in its size.
 VANISHING = 1e-10, 1e-5
 SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that need not be taken
 # Steps of the times of contact are round-off if two, shorter than this part of the duration, do not
@@ -98,7 +98,7 @@ class ContactChange(Exception):
 
 @dataclass(eq=False)
 class Along(Workspace[Iterate]):
-    """What a search for a path along an obstacle works on: its problem is `Held`.
+    """The workspace of a search for a path along an obstacle: its problem is `Held`.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Along(Workspace[Iterate]):
 
     @property
     def question(self) -> Problem:
-        """What was asked; at the duration at hand, where that is to be found."""
+        """The question; at the duration at hand, where that is to be found."""
         return self.contact_problem.free
 
     def _stand_at(self, there: Iterate) -> None:

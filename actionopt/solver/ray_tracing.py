@@ -76,7 +76,7 @@ class Track:
 
 
 class TracedRays(NamedTuple):
-    """What came of motions: places (K, k + 2, n) and times (K, k + 2), and what each costs (K,).
+    """Motions that were traced: places (K, k + 2, n), times (K, k + 2), and what each costs (K,).
 
     `u` (K, M) are the states in which they begin, `tracks` those of the legs, and which motions
     they are of.
@@ -91,7 +91,7 @@ class TracedRays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RayTracer:
-    """What motions from the start of a problem are to meet.
+    """Traces motions from the start of a problem from event to event.
 
     Attributes
     ----------
@@ -340,7 +340,7 @@ class RayTracer:
 
 
 class ClosedRayTracer(RayTracer):
-    """What motions that are to close are to meet: they begin anywhere, and are to return there.
+    """Traces motions that are to close: they begin anywhere, and are to return there.
 
     States are the free coordinates of the start, and the velocities.
     """

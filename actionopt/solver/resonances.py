@@ -56,7 +56,7 @@ class _Held:
 
     @property
     def root(self) -> float:
-        """By how much the first amplitude would grow to where its force vanishes."""
+        """The growth of the first amplitude to where its force vanishes, if that is linear."""
         return float(-self.forces[0] / self.slopes[0])
 
     def next(self) -> _Held:

@@ -110,7 +110,7 @@ class Strategy:
 
 @dataclass(eq=False)
 class Search:
-    """What is sought: a path to `tol` that obeys `principle`, on the mesh `given` if there is one.
+    """A search for a path to `tol` that obeys `principle`, on the mesh `given` if there is one.
 
     `found_by` says which way it was found in the end, `least` whether by minimising.
     """

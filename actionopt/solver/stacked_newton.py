@@ -37,7 +37,7 @@ STRAGGLERS = 0.05  # of a part, that are not worth calls of their own: they begi
 
 @dataclass(eq=False)
 class FollowedStack:
-    """Where C paths arrived.
+    """The ends of Newton's method on C paths.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ class _Arrived:
 
     @cached_property
     def samples(self) -> list[Samples]:
-        """What is known between the nodes."""
+        """The states between the nodes."""
         return self.stack.samples(self.Q)
 
     def largest_omitted(self) -> Array:

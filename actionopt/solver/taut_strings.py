@@ -202,7 +202,7 @@ class Ways:
 
 @dataclass(frozen=True)
 class WayOut:
-    """Where a path is deepest inside of an obstacle, and the nearest way out.
+    """The place where a path is deepest inside of an obstacle, and the nearest way out.
 
     Attributes
     ----------

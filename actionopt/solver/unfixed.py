@@ -82,7 +82,7 @@ PUSHED, HELD_FORCE = 1e-8, 1.0
 
 @dataclass(eq=False)
 class Unfixed(Workspace[UnfixedPath]):
-    """What a search for a path works on whose duration is free, or that closes anywhere.
+    """The workspace of a search for a path whose duration is free, or that closes anywhere.
 
     Attributes
     ----------

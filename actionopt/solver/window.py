@@ -59,7 +59,7 @@ ELEMENT_CUT = 0.25  # of its shortest element, where a mesh is cut
 
 @dataclass(frozen=True)
 class Edge:
-    """What a window's edge leaves out, relative to q.
+    """The part of a path that a window's edge leaves out, relative to q.
 
     `left` is the truncation error at the edge, `moved` a bound on its effect anywhere on the path;
     `rest` is the equilibrium beyond the time `t`.

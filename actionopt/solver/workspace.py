@@ -133,7 +133,7 @@ class Workspace(Generic[Place]):
 
     @property
     def question(self) -> Problem:
-        """What was asked."""
+        """The problem that was asked."""
         return self.problem
 
     @property
