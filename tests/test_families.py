@@ -243,3 +243,47 @@ def test_rests_on_a_line_are_a_family(on, guess):
     found = ao.solve(problem, guess=guess, throw=False)
     assert found.status is ao.Status.DEGENERATE and found.inertia.nullity == 1
     assert abs(on(found(0.5), 0.5)) < 1e-12
+
+
+def rests(n, V, start=None, guess=None, T=2.2, **given):
+    """Return the closed path in a potential near a place at which the guess rests, if there is."""
+    system = ao.System(lambda q, v, t: v @ v / 2 - V(q), [f"x{i}" for i in range(n)])
+    if isinstance(guess, list):
+        place = np.array(guess)
+        guess = lambda t: np.repeat(place[:, None], np.size(t), axis=1)  # noqa: E731
+    start = ao.Event(0.0, [None] * n if start is None else start)
+    return ao.solve(ao.Problem(system, start, ao.Periodic(T)), guess=guess, throw=False, **given)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+@pytest.mark.parametrize("guess, given", [(None, None), (None, 0.7), (0.7, None), (0.7, 0.0)])
+def test_rests_of_a_free_body_are_told_apart_by_moving_it(n, guess, given):
+    start = [given, *[None] * (n - 1)]
+    found = rests(n, lambda q: 0, start, None if guess is None else [guess] * n)
+    assert found.status is ao.Status.SOLVED and found.kind == "minimum"
+    left = n if given is None else n - 1
+    assert (found.inertia.index, found.inertia.nullity, found.inertia.moves) == (0, left, left)
+    assert given is None or found.start.q[0] == pytest.approx(given, abs=1e-12)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-3])
+def test_rests_along_a_curve_are_a_family(off):
+    found = rests(2, lambda q: (q[1] - q[0] ** 2) ** 2, guess=[0.5, 0.25 + off])
+    assert found.status is ao.Status.DEGENERATE and found.error < 1e-10
+    # A constant lowers S across the curve, and cosine and sine of 2 pi t / T do not.
+    assert (found.inertia.index, found.inertia.nullity) == (1, found.stats["nullity"]) == (1, 1)
+    with pytest.raises(ao.SolveError, match="at rest are a family of dimension 1"):
+        ao.solve(found.problem, guess=found.path)
+
+
+def test_a_guess_near_the_centre_of_turns_leads_to_it():
+    """No turn moves the centre, though it does the guess."""
+    found = rests(3, lambda q: q @ q / 2 + (q @ q) ** 2, guess=[0.1, -0.05, 0.02])
+    assert found.status is ao.Status.SOLVED and np.abs(found.start.q).max() < 1e-12
+    assert (found.inertia.index, found.inertia.nullity) == (3, 0)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_a_loop_that_shrinks_to_a_rest_is_no_answer(n):
+    loop = lambda t: [np.cos(np.pi * t / 1.1 + k) for k in range(n)]  # noqa: E731
+    assert rests(n, lambda q: 0, guess=loop).status is ao.Status.NOT_FOUND

@@ -22,6 +22,7 @@ from actionopt.discrete.surfaces import event_at, reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.scales import first_state
 from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.mechanics.system import MULTIPLIERS
 from actionopt.tools.types import Array, NDInt
@@ -470,7 +471,7 @@ class Move(NamedTuple):
 
 def moves_of(problem: Problem) -> tuple[Move, ...]:
     """Return the motions of configuration space that a closed path may be subjected to."""
-    if not problem.closes or problem.system.n == 1 or problem.system.r:
+    if not problem.closes or problem.system.r or (problem.system.n == 1 and _has_force(problem)):
         return ()
     system, advance = problem.system, problem.advance
     known = system.memoize("moves", dict)
@@ -491,6 +492,18 @@ def moves_of(problem: Problem) -> tuple[Move, ...]:
     size[: values.size] = values
     A, b = (np.array(part) for part in zip(*known[key], strict=True))
     return tuple(Move(np.tensordot(x, A, 1), x @ b) for x in right[size <= DISTINCT * size.max()])
+
+
+def _has_force(problem: Problem) -> bool:
+    """Whether a body is pushed where it is at rest: then nothing moves its one coordinate.
+
+    For xi L_q + A v L_v is a derivative by the time, and vanishes where v does.
+    """
+    q = general_points(1)
+    state = first_state(problem.system, q, np.zeros_like(q))
+    with np.errstate(all="ignore"):
+        force = problem.system.pointwise("first")(*state, np.zeros_like(q), problem.packed)[0]
+    return bool((force[:, 0] != 0).any())
 
 
 @dataclass(frozen=True, eq=False)

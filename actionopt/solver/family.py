@@ -10,7 +10,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.factors import Factors
-from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, ROUNDED, Iterate
+from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, ROUNDED, Iterate, is_at_rest
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import Array
 
@@ -84,8 +84,8 @@ def _describe(ws: Workspace, found: Inertia, error: float) -> str:
     if not problem.closes:
         where = "to the surface" if problem.on_surface else "between the ends"
         return f"to second order, the paths {where} are a family of dimension {count}"
-    where = "that begin there"
-    if not problem.start.pinned:
+    where = "that begin there" if problem.start.pinned else "at rest"
+    if not (problem.start.pinned or is_at_rest(ws.here.Q, ws.here.tr.lengths.max())):
         where, count = "besides where each begins", count - 1
     known = f"stationary, and resolved to {error:.2g}"
     if not np.isfinite(error):

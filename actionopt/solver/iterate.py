@@ -118,14 +118,18 @@ class Iterate(DiscretePath):
     def at_result(self, result: Followed) -> Self:
         """Return the path at which Newton's method arrived."""
         tr = self.equations.at(result.z)
-        Q = tr.coordinates(result.z)
+        z, Q = result.z, tr.coordinates(result.z)
+        if tr.origin is None and np.abs(Q).max() <= NEGLIGIBLE * tr.lengths.max():
+            z = z.copy()  # a rest at zero, but for the round-off of where it was
+            z[: tr.layout.unknowns] = 0.0
+            Q = tr.coordinates(z)
         sizes, lengths = coordinate_scales(tr.problem, Q)
         shown = resolution(tr.mesh, Q, sizes)
         known = {"sizes": sizes, "lengths": lengths, "represented": shown, "probed": None}
         unit = self._unit(sizes)
         known |= _estimate(max(self.gain, self._least_gain), result.noise * unit, unit, shown)
         known |= {"factors": result.factors, "since": result.since}
-        return replace(self, tr=tr, z=result.z, **known)
+        return replace(self, tr=tr, z=z, **known)
 
     def with_error(self, gain: float, noise: float | None = None) -> Self:
         """Return the same with the estimate of its error for a gain, and of its noise.
@@ -333,13 +337,13 @@ class UnfixedPath(Iterate):
     def push_force(self) -> float:
         """The forces that hold a closed path, in its units and sizes: none hold a motion."""
         forces = self.z[self.bordered.forces]
-        largest = np.abs(forces).max(initial=0.0)
-        return float(largest / np.abs(self.x).max()) if largest else 0.0
+        largest, size = np.abs(forces).max(initial=0.0), np.abs(self.x).max()
+        return float(largest / (size or 1.0))  # a rest at zero has no size but its unit
 
     @property
     def moves(self) -> bool:
         """Whether it is no rest."""
-        return bool(np.ptp(self.Q, axis=0).max() > AT_REST * np.abs(self.Q).max())
+        return not is_at_rest(self.Q, self.tr.lengths.max())
 
 
 def _estimate(gain: float, noise: float, unit: float, shown: Resolution) -> dict[str, float]:
@@ -380,6 +384,11 @@ def unseen(at: Iterate, tol: float) -> tuple[Array, float]:
         if SAFETY * carried > tol:
             carried /= 1.0 + at.tr.turns(at.z)
         return residual, carried
+
+
+def is_at_rest(Q: Array, size: float = 0.0) -> bool:
+    """Whether coordinates Q (K, n) hardly change beside the largest of them, or beside `size`."""
+    return bool(np.ptp(Q, axis=0).max() <= AT_REST * max(np.abs(Q).max(), size))
 
 
 def coordinate_scales(problem: Problem, Q: Array | None) -> tuple[Array, Array]:

@@ -92,11 +92,10 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         return
     if given and (problem.system.r or guess is None or choices.mesh):
         found = between(problem, guess, choices)
-        moves = is_moving(found[0])
-        if problem.system.r and not moves:
+        if problem.system.r and not is_moving(found[0]):
             path = replace(found[0], status=Status.NOT_FOUND, error=np.inf)
             found = path, message_of(path, choices.tol, SHRUNK)
-        elif choices.mesh is None and moves and not problem.system.r:  # a kink at the start?
+        elif choices.mesh is None and not problem.system.r:  # a kink at the start? one of many?
             found = solve_free_boundary(problem, found[0], choices)
         yield found
         return

@@ -45,13 +45,13 @@ from actionopt.solver.first_paths import (
     stretch_guess,
 )
 from actionopt.solver.iterate import (
-    AT_REST,
     ROUNDED,
     SAFETY,
     UNKNOWN_GAIN,
     Iterate,
     UnfixedPath,
     coordinate_scales,
+    is_at_rest,
 )
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine, settle_on
@@ -60,7 +60,7 @@ from actionopt.solver.single_shooting import arrivals, can_depart
 from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, Workspace, alike
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import OutOfTime
 
 STOPS = "an end free in place and time is where a motion of the energy comes to rest"
@@ -92,6 +92,8 @@ class Unfixed(Workspace[UnfixedPath]):
         Directions of the family of closed paths that it is held along, all of them.
     times : (k + 2,) array or None
         Those of the events of a course where its first path passes them.
+    size : float
+        How far from zero a first path goes that closes and moves, and may shrink to a rest.
     moves : tuple of Move
         Motions of configuration space that a closed path may be subjected to.
     """
@@ -99,6 +101,7 @@ class Unfixed(Workspace[UnfixedPath]):
     found_by: str = "none"
     along: tuple[Path, ...] = ()
     times: Array | None = None
+    size: float = 0.0
     moves: tuple[Move, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -219,6 +222,11 @@ class Unfixed(Workspace[UnfixedPath]):
     def reach(self, path: Path, lam: Array | None, *, damped: bool) -> bool:
         """Go to the path of the energy, or one that closes, near a rough one."""
         self.hint = ""
+        self.size = 0.0
+        if self.problem.closes and self.problem.integral is None:  # else a rest leads to a motion
+            if is_at_rest(path.values.T):
+                return self.reach_family(path) and (self._is_begun() or self._begin(ROUGH))
+            self.size = float(np.abs(path.values).max())
         if self.problem.phase_coordinates and self._begun_near(path):
             return True
         problem = self.problem.loose
@@ -233,9 +241,7 @@ class Unfixed(Workspace[UnfixedPath]):
         passed = self.with_boundaries(here.mesh) is not here.mesh  # by an event: a pulse
         if passed and not self._followed_again(here.path, here.rows):
             return False
-        moved = np.ptp(self.here.Q, axis=0).max()
-        rests = self.problem.integral is None  # else it may be an answer
-        if closes and rests and moved < AT_REST * np.ptp(path.values, axis=1).max():
+        if self._shrank():
             return False
         return problem is self.problem or self._begin(ROUGH)
 
@@ -363,7 +369,9 @@ class Unfixed(Workspace[UnfixedPath]):
         family as fast as Newton's to a single path (N. Yamashita and M. Fukushima, *Computing
         Suppl.* 15 (2001), p. 239).
         """
-        bordered, y, damping = here.bordered, here.z, 1.0
+        first, bordered, y, damping = here, here.bordered, here.z, 1.0
+        rests = not first.moves  # where motions about it are soft, and none of a family
+        near, singular = (ROUNDED, EPS**0.5) if rests else (ON_FAMILY, SINGULAR)
         count, beside = bordered.forces.start, bordered.phases  # no phase is needed, nor a force
         residual = bordered.residual(y)[:count]
         with np.errstate(all="ignore"):
@@ -374,15 +382,19 @@ class Unfixed(Workspace[UnfixedPath]):
                     return False
                 left, values, right = np.linalg.svd(matrix)
                 right = np.pad(right, ((0, 0), (0, beside)))
-                across, rank = left.T @ residual, int((values > SINGULAR).sum())
+                across, rank = left.T @ residual, int((values > singular).sum())
                 step = right[:rank].T @ (across[:rank] / values[:rank])
                 known = beside if steps else 0  # directions in which any closed path may be moved
-                if rank < count - known and bordered.relative_step(step) < ON_FAMILY:
-                    self.here = here = here.moved(y)
-                    moved = [here.tr.coordinates(y + d) - here.Q for d in right[rank:]]
+                found = rank < count - known or rests
+                if found and bordered.relative_step(step) < near:
+                    self.here = here = here.moved(y - step)
+                    moved = [here.tr.coordinates(here.z + d) - here.Q for d in right[rank:]]
                     self.along = tuple(Path(here.mesh, d.T) for d in moved)
-                    self.here = self._around(here.path, here.rows)
-                    return here.moves and (self.follow() or self.approach(PATIENT))
+                    path = here.path
+                    if rests and np.abs(path.values).max() < ROUNDED * first.lengths.max():
+                        path = Path(path.mesh, np.zeros_like(path.values))
+                    self.here = self._around(path, here.rows)
+                    return (rests or here.moves) and (self.follow() or self.approach(PATIENT))
                 while damping < UNREACHED:
                     step = right.T @ (values * across / (values**2 + damping * size**2))
                     there = bordered.residual(y - step)[:count]
@@ -469,7 +481,19 @@ class Unfixed(Workspace[UnfixedPath]):
         found = status.stationary
         if self.here.push_force > HELD_FORCE or (found and self._is_pushed(self.here)):
             return self._hold()
+        if found and self._shrank():
+            self.here = replace(self.here, error=np.inf)
+            return Status.NOT_FOUND
         return status
+
+    def _shrank(self) -> bool:
+        """Whether a closed path that moved at first is a rest; say so."""
+        shrank = bool(self.size) and is_at_rest(self.here.Q, self.size)
+        if shrank:
+            self.hint = (
+                "the closed path near the guess shrank to a rest; a guess at rest leads to one"
+            )
+        return shrank
 
     def _is_pushed(self, here: UnfixedPath) -> bool:
         """Whether a force holds the path closed, beyond what a coarse mesh of a family needs."""
