@@ -87,6 +87,7 @@ def test_cubic_between_two_states():
     assert path.compare().agrees
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ends", ["natural", "clamped"])
 def test_through_points_it_is_the_spline(ends):
     rng = np.random.default_rng(3)
@@ -139,6 +140,7 @@ def test_higher_orders():
     assert path.momenta[0].shape == (4,)
 
 
+@pytest.mark.long
 def test_a_right_path_agrees_with_motion_in_any_order():
     law = lambda q, v, j: j @ j / 2 + v @ v / 4 - 0.3 * np.cos(q[0])  # noqa: E731
     system = ao.System(lambda q, v, a, j, t: law(q, v, j), ["x", "y"])
@@ -149,6 +151,7 @@ def test_a_right_path_agrees_with_motion_in_any_order():
     assert found.position < 1e-8
 
 
+@pytest.mark.long
 def test_nonlinear_beam_against_collocation():
     # Extended Fisher and Kolmogorov's equation with a load: g q'''' = q'' + q - q^3 + cos t.
     g = 0.3
@@ -200,6 +203,7 @@ def test_time_that_is_found():
     assert path.morse_index == 0
 
 
+@pytest.mark.long
 def test_time_that_is_found_of_a_beam_under_tension():
     # L = (a^2 + v^2) / 2 + 1 between rests a way 1 apart: S = 1 / (2 (T - 2 tanh(T / 2))) + T.
     system = ao.System(lambda q, v, a, t: (a[0] ** 2 + v[0] ** 2) / 2 + 1, ["x"])
@@ -225,6 +229,7 @@ def test_waypoint_at_a_time_that_is_found_keeps_the_energy():
     assert ao.solve(problem.replace(through=[later])).action > path.action
 
 
+@pytest.mark.long
 def test_least_jerk_through_gates_whose_times_are_found():
     places = np.array([[0, 0], [1, 1], [2, -0.5], [3, 0]])
     rest = dict(v=[0, 0], a=[0, 0])
@@ -267,6 +272,7 @@ def test_the_matrix_with_gates_is_the_derivative_of_the_equations():
     assert np.abs(matrix - np.transpose(columns)).max() < 1e-7 * np.abs(matrix).max()
 
 
+@pytest.mark.long
 def test_snap_with_a_waypoint_at_a_given_energy():
     system = ao.System(lambda q, v, a, j, s, t: s[0] ** 2 / 2 + 1, ["x"])
     rest = dict(v=[0], a=[0], j=[0])
@@ -305,6 +311,7 @@ def test_a_beam_ends_on_a_line():
     np.testing.assert_allclose(path(1.0), [1.5, 0.5], atol=1e-11)
 
 
+@pytest.mark.long
 def test_buckling_modes_by_an_integral():
     system = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], integral=lambda q, v, t: v[0] ** 2)
     ends = (ao.Event(t, [0], v=[0]) for t in (0, 1))
@@ -313,6 +320,7 @@ def test_buckling_modes_by_an_integral():
     assert path.morse_index == 0
 
 
+@pytest.mark.long
 def test_sensitivity_against_differences():
     system = ao.System(
         lambda q, v, a, t, *, k: (
@@ -363,6 +371,7 @@ COMPARED = bend_less(lambda x: np.where(x > 0, 1.0, 0.0))
 DIVIDED = bend_less(lambda x: x / np.sqrt(x**2))  # no comparison is seen in it
 
 
+@pytest.mark.quick("<lambda>1-<lambda>0")
 @pytest.mark.parametrize("steps", [COMPARED, DIVIDED])
 @pytest.mark.parametrize(
     "on", [lambda q, v, a: q[0] - 0.512, lambda q, v, a: v[0] - 0.5, lambda q, v, a: a[0] - 0.5]
@@ -383,6 +392,7 @@ def test_a_step_too_narrow_to_be_resolved_is_told():
         assert not ao.solve(problem, throw=False).success
 
 
+@pytest.mark.long
 def test_a_step_of_two_coordinates_is_resolved():
     # A load that changes its direction within 1e-3 of t = 0.3.
     system = ao.System(
@@ -477,6 +487,7 @@ def count_in_waves(rate, highest=4):
     return int((found < -1e-6).sum()), int((np.abs(found) <= 1e-6).sum())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [1.2, 0.7])
 def test_closed_path_that_may_begin_anywhere(rate):
     radius, energy = circle(rate)
@@ -500,6 +511,7 @@ def test_closed_path_that_may_begin_anywhere(rate):
     assert free.morse_index == index + (circle(rate * 0.999)[1] > energy)
 
 
+@pytest.mark.long
 def test_symmetries_conserve_what_they_do_in_any_order():
     events = ao.Event(0, [0, 0], v=[1, 0.3]), ao.Event(2, [1, 0.5], v=[0, 1])
     path, t = ao.solve(ao.Problem(RING, *events), tol=1e-11), np.linspace(0, 2, 7)
@@ -541,6 +553,7 @@ def on_ring(t, theta, rate=None):
     return ao.Event(t, [math.cos(theta), math.sin(theta)], v=v)
 
 
+@pytest.mark.quick("0.0-0.9")
 @pytest.mark.parametrize(("load", "inner"), [(0.0, 0.9), *slow((60.0, None)), (150.0, None)])
 def test_a_beam_under_a_constraint_is_the_one_of_coordinates_that_need_none(load, inner):
     plane, angle = bent_ring(load)
@@ -608,6 +621,7 @@ def test_equations_of_motion_in_sympy():
     assert (written.equations[0].lhs - expected).simplify() == 0
 
 
+@pytest.mark.long
 def test_trace_tells_where_a_beam_buckles():
     beam = ao.System(
         lambda q, v, a, t, *, P: a[0] ** 2 / 2 - P * v[0] ** 2 / 2 + v[0] ** 4 / 4,

@@ -64,6 +64,7 @@ def test_angles_are_recognised():
     assert angles("kepler") == angles("projectile") == angles("oscillator") == []
 
 
+@pytest.mark.long
 def test_a_named_azimuth_winds():
     # A bead on a circle, its mass 1 + t: the Lagrangian does not show that phi is an angle.
     system = ao.System(lambda q, v, t: (1 + t) * v[0] ** 2 / 2, ["phi"])
@@ -78,6 +79,7 @@ def test_a_named_azimuth_winds():
 # -- Lambert's problem ----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("T", "revolutions", "options"),
     [
@@ -178,6 +180,7 @@ def test_the_summary_counts_what_was_left_out():
     assert "left out: 2 that return" in str(replace(found, kinked=2))
 
 
+@pytest.mark.long
 def test_progress_and_interruption():
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3))
     told = []
@@ -237,6 +240,7 @@ def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkey
         assert angle == pytest.approx(0.5, abs=0.02)
 
 
+@pytest.mark.long
 def test_every_passage_of_an_oscillator_through_a_point():
     """x = +-sin t: at 1/2 twice a turn, either way round."""
     problem = ao.Problem(OSCILLATOR, ao.Event(0.0, [0.0]), ao.Event(None, [0.5]), energy=0.5)
@@ -252,6 +256,7 @@ def test_turns_come_in_order_of_their_sum_however_many_there_are():
     assert first[0] == (0,) * 30 and {sum(map(abs, k)) for k in first[1:]} == {1}
 
 
+@pytest.mark.long
 def test_paths_of_some_turns_left_out_are_not_said_to_be_all(monkeypatch):
     rotor = systems.particle("a")
     problem = ao.Problem(rotor, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.3]))

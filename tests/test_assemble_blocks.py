@@ -28,6 +28,7 @@ LAWS = {
 LAWS["both"] = LAWS["surface"] | LAWS["force"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("laws", LAWS)
 @pytest.mark.parametrize("storage", ["blocks", "sparse"])
 def test_entries_are_those_of_the_symbolic_derivative(laws, storage, monkeypatch):

@@ -29,6 +29,7 @@ def solution():
     return ao.solve(ao.Problem(system, ao.Event(0.0, ends[0]), ao.Event(T, ends[1])), tol=1e-10)
 
 
+@pytest.mark.long
 def test_modes_of_a_lattice(solution):
     assert modes.assemble_if_large(solution.discrete, solution.error, 1e-8) is not None
     found = ao.second_variation(solution, 5)

@@ -88,6 +88,7 @@ def apart(path, other):
     return float((np.abs(path(t) - other(t)) / size).max())
 
 
+@pytest.mark.quick("shaken")
 @pytest.mark.parametrize("name", FAMILIES)
 def test_members_are_what_solve_finds(name):
     problem, columns = FAMILIES[name]()
@@ -103,6 +104,7 @@ def test_members_are_what_solve_finds(name):
         assert found.index[i] == alone.morse_index
 
 
+@pytest.mark.long
 def test_the_same_bits_again():
     problem, columns = FAMILIES["pendulum"]()
     one, other = (solve_run(problem, columns, TOL) for _ in range(2))
@@ -110,6 +112,7 @@ def test_the_same_bits_again():
         same_bits(a, b, because="the same operations are done again, in the same order")
 
 
+@pytest.mark.long
 def test_searches_beyond_a_fold_have_a_budget(monkeypatch):
     monkeypatch.setattr(budget, "FREE_BUDGET", budget.BUDGET // 4)
     c = np.linspace(3.0, 4.1, 24)
@@ -128,6 +131,7 @@ def test_searches_beyond_a_fold_have_a_budget(monkeypatch):
         )
 
 
+@pytest.mark.long
 def test_a_path_that_no_neighbour_leads_to_is_found_from_the_straight_line():
     """A double pendulum whose ends are all over the circle: `solve` finds each."""
     problem, angles = scenes.get("double_pendulum").problem, np.linspace(-np.pi, np.pi, 8)
@@ -151,6 +155,7 @@ def test_pulses_between_nodes_are_seen():
         assert apart(found.path(i), alone.path) < 2e-7
 
 
+@pytest.mark.long
 def test_members_that_want_a_finer_mesh_get_it():
     problem = scenes.get("kepler").problem
     columns = {("end", "x"): np.linspace(-1.5, -0.2, 30)}
@@ -173,6 +178,7 @@ def test_a_denser_mesh_has_four_degrees_more_or_elements_of_half_the_length(
     assert np.allclose(mesh.lengths, 1.5 / elements) and mesh.boundaries[0] == 0.5
 
 
+@pytest.mark.long
 def test_members_may_be_one_and_the_same():
     problem = scenes.get("pendulum").problem
     one = solve_run(problem, {"g": [9.0]})
@@ -202,6 +208,7 @@ def test_other_problems_are_solved_one_by_one():
     assert found.action[2] == pytest.approx(again.action, rel=1e-9)
 
 
+@pytest.mark.long
 def test_blocks_are_neighbours(monkeypatch):
     problem, columns = FAMILIES["pendulum"]()
     whole = solve_run(problem, columns, TOL)

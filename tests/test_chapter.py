@@ -16,6 +16,12 @@ TOL = 1e-11
 CLOSED_FORM = 1e-10  # of a path and its action, at tol = 1e-11
 
 
+@pytest.mark.quick(
+    "12.2-varied path q + alpha eta of a",
+    "12.3.1-free and bound particle in a f",
+    "12.4-particle in an inverted cone",
+    "12.4-degrees of freedom: conditions",
+)
 @pytest.mark.parametrize("row", a_quarter(ROWS), ids=lambda row: f"{row.section}-{row.system[:30]}")
 def test_every_row_comes_out(row):
     lines = list(row.check())
@@ -75,6 +81,7 @@ def test_other_numbers_are_other_numbers():
     assert "links" not in other_numbers("chain")
 
 
+@pytest.mark.quick("turning_wire-spared1-paid1", "damped_oscillator-spared2-paid2")
 @pytest.mark.parametrize(
     ("name", "spared", "paid"),
     [
@@ -157,6 +164,7 @@ def test_lambert_s_problem_of_vallado():
     assert solution.morse_index == 0
 
 
+@pytest.mark.long
 def test_no_line_is_blank():
     [row] = [row for row in ROWS if row.system.startswith("all symmetries affine")]
     last = list(row.check())[-1]

@@ -786,6 +786,7 @@ def turned(s, p):
     return np.stack([c * p[0] - w * p[1], w * p[0] + c * p[1]])
 
 
+@pytest.mark.quick("buckled_beam", "lyapunov_orbit", "reaching_hand", "throw_at_cart", "zermelo")
 @pytest.mark.parametrize("name", a_quarter(scenes.SCENES, 1))
 def test_what_a_page_says_of_its_scene_is_so(name):
     words, seen = scenes.get(name).words, Seen(name)
@@ -795,12 +796,14 @@ def test_what_a_page_says_of_its_scene_is_so(name):
         assert holds(seen), sentences
 
 
+@pytest.mark.long
 def test_the_claims_can_fail():
     assert not W["projectile"]["answer"](Seen("drag_linear"))
     assert not W["kepler"]["motion"](Seen("oscillator_2d"))
     assert not W["charge_gauge"]["look motion"](Seen("projectile"))
 
 
+@pytest.mark.long
 def test_beside_a_scene_are_others():
     for name in scenes.SCENES:
         words = scenes.get(name).words
@@ -808,6 +811,7 @@ def test_beside_a_scene_are_others():
         assert words.beside and set(words.beside) <= set(scenes.SCENES) - {name}
 
 
+@pytest.mark.long
 @of_every_scene
 def test_the_kinetic_energy_of_a_scene_can_be_asked_for(name):
     """Whatever parameters its ends have of their own: the page of every scene draws it."""

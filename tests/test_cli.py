@@ -93,6 +93,7 @@ def test_solve_prints_a_table_of_what_was_found(capsys):
     assert set(table) >= {"unknowns", "mesh", "iterations"}
 
 
+@pytest.mark.long
 def test_a_duration_that_is_found_is_told(capsys):
     found = solved(capsys, "kepler_at_energy", "--no-compare")
     assert found["duration"] == pytest.approx(scenes.get("kepler").problem.duration)
@@ -111,6 +112,7 @@ def test_list_tells_of_a_scene(capsys):
     assert code != 0 and "did you mean 'pendulum'" in err
 
 
+@pytest.mark.long
 def test_json_has_the_same_and_more(capsys):
     found = solved(capsys, "pendulum")
     assert found["name"] == "pendulum"
@@ -148,6 +150,7 @@ def test_settings_may_be_lists(capsys):
     assert found["action"] == pytest.approx(direct.action, abs=1e-9)
 
 
+@pytest.mark.long
 def test_pictures_and_solutions_are_written(capsys, tmp_path):
     picture, file = tmp_path / "pendulum.png", tmp_path / "pendulum.npz"
     code, _, err = run(capsys, "solve", "pendulum", "--plot", str(picture), "--out", str(file))
@@ -295,6 +298,7 @@ def test_a_list_says_where_a_mesh_is_too_coarse(capsys):
     assert "none: no optimum near the path on such a mesh (1 of 2)" in out
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of another kind")
 @pytest.mark.parametrize("unbuffered", [[], pytest.param(["-u"], marks=pytest.mark.slow)])
 def test_a_reader_that_has_seen_enough_is_no_error(unbuffered):
@@ -320,6 +324,7 @@ def test_a_path_that_is_no_motion_is_a_failure(capsys, monkeypatch):
     assert "the path is no motion" in err
 
 
+@pytest.mark.long
 def test_a_path_of_which_it_cannot_be_told_is_printed_and_no_failure(capsys, monkeypatch):
     compare = ao.Solution.compare
 
@@ -361,12 +366,14 @@ def test_an_interrupt_exits_with_130(capsys, monkeypatch):
     assert "interrupted" in err
 
 
+@pytest.mark.long
 def test_the_module_is_the_command():
     command = [sys.executable, "-m", "actionopt", "--version"]
     out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert out == f"actionopt {ao.__version__}\n"
 
 
+@pytest.mark.long
 def test_public_names_are_all_there_and_rooms_cost_nothing_until_asked_for():
     code = (
         "import sys, actionopt as ao\n"
@@ -389,6 +396,7 @@ def test_public_names_are_all_there_and_rooms_cost_nothing_until_asked_for():
     assert done.stdout.strip() == "module 'actionopt' has no attribute 'nothing'", done.stderr
 
 
+@pytest.mark.long
 def test_a_solve_along_an_obstacle_tells_its_contact(capsys):
     assert main(["solve", "rope_round_post"]) == 0
     said = capsys.readouterr().out

@@ -98,6 +98,7 @@ def test_work_is_done_where_the_energy_balance_says_so(name):
     assert abs(after - before) > 0.1  # or the balance would hold whatever the work
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["driven", "growing"])
 def test_energy_balance_sees_work_that_is_wrong(name):
     """The same curve under parameters a hundredth larger."""
@@ -108,6 +109,7 @@ def test_energy_balance_sees_work_that_is_wrong(name):
     assert compare(curve).energy_drift > 1e-4
 
 
+@pytest.mark.long
 def test_motion_whose_every_element_is_unstable():
     """The pendulum from its upper rest round to it: errors grow by e^20 in an element."""
     system = systems.pendulum("angle")
@@ -126,6 +128,7 @@ def test_motion_whose_every_element_is_unstable():
     assert not compare(between(system, late, -40.0, 40.0, elements=4)).agrees
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("length", "time"), [(1.0, 1.0), (1e-10, 1e-15), (1.5e11, 3e7)])
 def test_deviations_have_no_units(length, time):
     """A circular orbit whose radius is wrong by 1e-6, on any scale."""
@@ -150,6 +153,7 @@ def test_deviations_have_no_units(length, time):
     assert not found.agrees
 
 
+@pytest.mark.long
 def test_reference_error_covers_what_forward_integration_does_wrong():
     for tol in (1e-3, 1e-6, 1e-9):
         found = compare(between(ORBIT, ellipse(1.0, 0.8, 1.0), 0.0, 7.0), tol=tol)
@@ -157,6 +161,7 @@ def test_reference_error_covers_what_forward_integration_does_wrong():
         assert found.reference_error < 1e3 * found.position
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["pendulum", "turning wire", "damped"])
 def test_regular_motions_are_followed_from_the_curve(name, monkeypatch):
     """By Picard's iteration, and as far as CVODES follows them: nothing is left to that."""
@@ -181,6 +186,7 @@ def parabola(t):
     return (1 - t**2)[None, ...], (-2 * t)[None, ...]
 
 
+@pytest.mark.quick("system3-<lambda>-3.0-off3-1.0")
 @pytest.mark.parametrize(
     ("system", "curve", "t1", "off", "error"),
     [
@@ -212,6 +218,7 @@ def test_start_that_is_not_the_curve_s_own():
     assert not found.agrees
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [*slow(1e-2), 1e-3])
 def test_a_kick_that_the_curve_knows_or_not(width):
     system, exact = kicked(width, 0.613)
@@ -340,6 +347,7 @@ def stepped(c, force=5.0):
     return system, exact
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("c", "tol"), a_quarter([(0.3141592, 1e-8), (0.37, 1e-3), (0.25, 1e-8), (1 / 3, 1e-3)])
 )
@@ -358,6 +366,7 @@ def test_a_velocity_that_is_wrong_after_a_jump_is_told():
     assert compare(late).velocity == pytest.approx(0.01 / fastest, rel=1e-2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("c", "spring"), a_quarter([(0.25, 4.0), (0.3141592, 0.0)]))
 def test_a_mass_that_jumps(c, spring):
     """The momentum is continuous. With a spring, oscillations of two frequencies."""
@@ -421,6 +430,7 @@ def test_a_constraint_that_turns_faster_at_once():
     judge(system, exact, lambda t: exact(t, 1.01), 0.0, 1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [6e-4, 1e-5])  # the first is a thousandth wide at half its height
 def test_a_pulse_that_the_mesh_resolves(width):
     c = 0.6131
@@ -447,6 +457,7 @@ def test_a_pulse_that_the_mesh_resolves(width):
     judge(system, exact, straight, 0.0, 1.0, guess=coarse)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("t0", [0.0, 1e6, 1e9])
 def test_times_far_from_zero(t0):
     """A driven oscillator: where t is known to eps t, so is the force."""

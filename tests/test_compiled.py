@@ -31,6 +31,7 @@ def states(count):
     return random.normal(size=(2, count)), random.normal(size=(2, count)), random.normal(size=count)
 
 
+@pytest.mark.quick("energy")
 @pytest.mark.parametrize("name", ["first", "energy", "second"])
 def test_memory_of_many_numbers_of_times_is_bounded(monkeypatch, name):
     monkeypatch.setattr(compiled, "KEPT", 40_000)
@@ -47,6 +48,7 @@ def test_memory_of_many_numbers_of_times_is_bounded(monkeypatch, name):
     assert asked > 2 * compiled.KEPT
 
 
+@pytest.mark.long
 def test_parts_give_what_the_whole_gives(monkeypatch):
     q, v, t = states(1000)
     arguments = q.T, v.T, t[:, None], np.array([[2.0]])

@@ -26,6 +26,16 @@ def test_a_path_without_neighbours_has_no_conjugate_points():
     assert conjugate_points(ao.solve(problem)) == ()
 
 
+@pytest.mark.quick(
+    "ends0-0.5",
+    "ends0-0.95",
+    "ends0-1.05",
+    "ends1-0.5",
+    "ends1-0.95",
+    "ends1-1.0",
+    "ends1-1.05",
+    "ends1-1.4",
+)
 @pytest.mark.parametrize("half_periods", [0.5, 0.95, 1.0, 1.05, 1.4, 2.6, 10.5])
 @pytest.mark.parametrize("ends", [(1.0, 0.4), (0.0, 0.0)])
 def test_oscillator(half_periods, ends):
@@ -40,6 +50,7 @@ def test_oscillator(half_periods, ends):
     assert found == pytest.approx(exact, abs=TIME_TOLERANCE * T)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("w", [1e-8, 1e8])
 def test_the_unit_of_time_does_not_matter(w):
     system = ao.System(lambda q, v, t: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"])
@@ -61,6 +72,7 @@ def test_roots_together_are_one_wherever_time_begins(start):
     assert point.t == pytest.approx(start + np.pi, abs=1e-8)
 
 
+@pytest.mark.quick("2.5-2")
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("angle", [2.5, 4.0, 7.0])
 def test_antipodes_of_a_sphere(dimension, angle):
@@ -87,6 +99,7 @@ FORCES = {  # V, V', V''
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FORCES)
 @pytest.mark.parametrize("start", [0.3])
 def test_kinetic_foci_against_a_jacobi_field_integrated_alone(name, start):
@@ -132,6 +145,7 @@ def test_soap_film(c, count):
         assert exact[0] == pytest.approx(0.15291143859845605, rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("c", [0.0, 2.0, 100.0])
 def test_focal_points_of_a_free_start_with_a_total_derivative(c):
     # L + d/dt(c q^2 cos(30 t) / 2): a free start has v = -c q, and so have the neighbours.
@@ -151,6 +165,16 @@ SYSTEMS = {name: scenes.get(name).problem.system for name in of_one_leg()}
 UNFORCED = [name for name, x in SYSTEMS.items() if not (x.structure.forced or x.r)]
 
 
+@pytest.mark.quick(
+    "catenoid",
+    "charge_spatial",
+    "great_ellipse",
+    "inverted_cone",
+    "oscillator_2d",
+    "rotating_frame_bound",
+    "sliding_wedge",
+    "turning_wire",
+)
 @pytest.mark.parametrize("name", a_quarter(UNFORCED, 1))
 def test_index_theorem_on_every_scene(name):
     scene = scenes.get(name)
@@ -164,6 +188,7 @@ def test_index_theorem_on_every_scene(name):
         assert found == pytest.approx(before, abs=TIME_TOLERANCE * scene.problem.duration)
 
 
+@pytest.mark.long
 def test_no_conjugate_point_of_many_coordinates_is_told_by_the_index(monkeypatch):
     """A row of springs of which the fastest swings at almost two: its first one is after pi / 2."""
 
@@ -210,6 +235,7 @@ def test_neighbours_through_waypoints_begin_anew():
     assert found.morse_index == len(expected)
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize(
     "k", [0, 2, 3, 5, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 4))]
 )

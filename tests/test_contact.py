@@ -67,6 +67,7 @@ def test_ball_in_a_loop_lets_go_and_would_be_caught_again():
     assert abs(first.state.q[1] - c) < ROOT_TOLERANCE
 
 
+@pytest.mark.long
 def test_two_surfaces_are_told_apart():
     """A mass on a table that moves as -3 cos t, drawn against a wall by 1 - t."""
     system = ao.System(

@@ -38,6 +38,7 @@ def across(lagrangian, **choices):
     return ao.solve(problem, throw=False, **choices)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", JUMPS)
 def test_a_jump_that_is_crossed_is_named(name):
     solution = across(JUMPS[name])
@@ -49,6 +50,7 @@ def test_a_jump_that_is_crossed_is_named(name):
     assert sum(solution.stats["iterations"].values()) < 100
 
 
+@pytest.mark.long
 def test_the_message_says_where_and_by_how_much():
     problem = ao.Problem(
         ao.System(JUMPS["where"], ["y"]), ao.Event(0.0, [-1.0]), ao.Event(2.0, [1.0])
@@ -59,6 +61,7 @@ def test_the_message_says_where_and_by_how_much():
         ao.solve(problem, guess=[[-1.0, -0.5, 1.0]])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MEETING)
 def test_branches_that_meet_or_part_in_time_are_solved(name):
     solution = across(MEETING[name])
@@ -112,6 +115,7 @@ def test_branches_meet_whatever_the_size_and_sign_of_the_lagrangian(name, sign, 
     assert solution.status is ao.Status.SOLVED
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("step", [0.4, -0.4])
 def test_a_jump_has_its_height_from_either_side(way, step):
@@ -133,6 +137,7 @@ def test_a_jump_has_its_height_from_either_side(way, step):
     assert back is not None and not back.inevitable  # it comes back to the first side
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("power", "jumps"), [(0, True), (1 / 3, False), (1.0, False)])
 def test_a_cusp_is_no_jump_however_near_it_is_seen(power, jumps):
     system = ao.System(

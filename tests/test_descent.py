@@ -50,6 +50,7 @@ def test_the_minimum_is_found_from_afar(T, size):
         assert np.max(np.abs(found.z - least.z)) <= 1e-11
 
 
+@pytest.mark.long
 def test_stiff_variations_do_not_slow_down_the_others():
     """Swings of twelve links ask for a mu of ten: steps without the factor 1 + mu are 17."""
     first = np.linspace(0.05, 0.15, 12)

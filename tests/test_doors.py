@@ -89,6 +89,7 @@ def test_the_discrete_action_is_stationary_with_the_ends_free_in_its_gradient(sw
     )
 
 
+@pytest.mark.long
 def test_an_opti_finds_the_path_again():
     held = ao.solve(ao.Problem(ON_CIRCLE, *ARC))
     program, Q = held.opti()
@@ -98,6 +99,7 @@ def test_an_opti_finds_the_path_again():
     assert np.allclose(answer.value(Q), held.path.values, atol=1e-7)
 
 
+@pytest.mark.long
 def test_an_opti_goes_round_an_obstacle():
     disc = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
     way = ao.solve(ao.Problem(disc, ao.Event(0.0, [-2.0, 0.3]), ao.Event(1.0, [2.0, 0.0])))

@@ -60,12 +60,14 @@ def test_a_jump_of_the_velocity_or_beside_a_moving_wall():
     assert turning.status is wall.status is ao.Status.JUMP
 
 
+@pytest.mark.long
 def test_jumps_all_along_the_path():
     jumps = free(lambda q: 0.3 * np.arctan(np.tan(q[0] / 2)))
     problem = ao.Problem(ao.System(jumps, ["x"]), ao.Event(0.0, [0.1]), ao.Event(1.0, [1900.0]))
     assert ao.solve(problem, throw=False).status is ao.Status.JUMP
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tol", [1e-10, pytest.param(1e-3, marks=pytest.mark.slow)])
 def test_a_corner_of_the_path_has_its_time(tol):
     """L has a kink in v: the momentum is the same before and after at any time, the energy not."""
@@ -76,6 +78,7 @@ def test_a_corner_of_the_path_has_its_time(tol):
         assert path.success == (end == 4.0) or path.start.v[0] == pytest.approx(1.88333, rel=tol)
 
 
+@pytest.mark.quick("time")
 @pytest.mark.parametrize("lost", ["friction", "time"])
 def test_the_work_done_is_no_drift_and_hides_none(lost):
     """With friction v' = -3 - c v, else v' = -3 (1 + 0.1 t), and v jumps from 0.3 to -0.3."""
@@ -189,6 +192,7 @@ def test_across_a_cusp_no_error_is_above_its_estimate(a, height):
     assert solved
 
 
+@pytest.mark.long
 def test_questions_of_every_kind():
     system = ao.System(free(lambda q: 0.1 * q[0] / abs(q[0])), ["x"])
     start, across = ao.Event(0.0, [-0.83]), ao.Event(None, [1.07])
@@ -203,6 +207,7 @@ def test_questions_of_every_kind():
     assert not on_surface.success
 
 
+@pytest.mark.quick("end0")
 @pytest.mark.parametrize("end", [(0.6, 0.8), (0.8, 0.6)])
 def test_on_a_constraint_where_no_path_is_found(end):
     system = ao.System(
@@ -251,6 +256,7 @@ def test_a_jump_beside_an_end_of_the_path(start, end):
     assert ao.solve(problem, throw=False).status is ao.Status.JUMP
 
 
+@pytest.mark.long
 def test_a_jump_beside_a_switch_of_the_clock():
     """L jumps in the time there; on either side of it L is compared with itself."""
 
@@ -265,6 +271,7 @@ def test_a_jump_beside_a_switch_of_the_clock():
     assert solved(abs) is ao.Status.SOLVED
 
 
+@pytest.mark.quick("19.5--0.9-0.8-6e-10--4e-05-1e-05")
 @pytest.mark.parametrize(
     ("duration", "a", "b", "height", "place", "tol"),
     [
@@ -303,6 +310,7 @@ def test_a_low_step_matters_where_the_path_is_slow(duration, a, b, height, place
     assert path.success or path.error > tol
 
 
+@pytest.mark.long
 def test_a_low_step_matters_next_to_a_turning_point():
     """A ball that is thrown up is slow where it turns, and loses momentum to a step twice."""
     duration, place, height = 1.9954601680180326, 0.49773266026831936, 0.0009347920570877994
@@ -346,6 +354,14 @@ CONTINUOUS = {
 SLOW = ("cusp", "steep switch")
 
 
+@pytest.mark.quick(
+    "kink",
+    "hidden switch of a force",
+    "hidden switch of a mass",
+    "large constant",
+    "difference of large numbers",
+    "surface not crossed",
+)
 @pytest.mark.parametrize(
     "name",
     [pytest.param(x, marks=pytest.mark.slow) if x in SLOW else x for x in CONTINUOUS],
@@ -404,6 +420,7 @@ def test_what_plainly_cannot_jump_is_not_asked(V, plain):
     assert ao.System(free(V), ["x", "y"]).structure.jumpless is plain
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("timed", [0.0, 0.3])
 def test_a_smooth_lagrangian_needs_no_balance(monkeypatch, timed):
     def refuse(at):
@@ -420,6 +437,16 @@ def test_a_smooth_lagrangian_needs_no_balance(monkeypatch, timed):
         ao.solve(ao.Problem(system, ao.Event(0.0, [-1.0, 0.3]), ao.Event(1.0, [1.0, 0.4])))
 
 
+@pytest.mark.quick(
+    "-0.9999999-0.0",
+    "-0.993-0.0",
+    "-0.5-0.0",
+    "0.0-0.0",
+    "0.0-0.3",
+    "1e-06-0.0",
+    "1e-06-0.3",
+    "0.3-0.0",
+)
 @pytest.mark.parametrize("timed", [0.0, 0.3])
 @pytest.mark.parametrize("place", [-1 + 1e-7, -0.993, -0.5, 0.0, 1e-6, 0.3, 0.77, 1 - 1e-7])
 def test_no_step_is_plain_wherever_it_is(place, timed):
@@ -463,6 +490,7 @@ def straight(lagrangian):
     return DiscretePath.of(problem, ao.Path.interpolate(lambda t: [2 * t - 1], mesh))
 
 
+@pytest.mark.long
 def test_a_table_ends_with_a_step():
     """Beyond its ends it is zero: there the path jumps in energy, and within it does not."""
     at = np.linspace(-2, 2, 41)

@@ -100,6 +100,7 @@ def test_every_example_has_a_promise():
     assert [file.stem for file in EXAMPLES] == sorted(PROMISES)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "file",
     [pytest.param(f, marks=[pytest.mark.slow] * (f.stem in SLOW), id=f.stem) for f in EXAMPLES],

@@ -89,6 +89,7 @@ def test_held_elsewhere_the_path_bends_as_a_whole(spring):
     assert np.max(np.abs((trial.Q - first.Q)[:, 0] - rise)) <= 1e-13
 
 
+@pytest.mark.long
 def test_only_coordinates_that_no_event_pins_move():
     system = scenes.get("pendulum").problem.system
     problem = ao.Problem(system, ao.Event(0.0, [0.3]), ao.Event(0.5, [None]))
@@ -134,6 +135,7 @@ def test_a_path_that_closes_is_refused():
 # -- solving ---------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("damped_oscillator")
 @pytest.mark.parametrize("name", ["oscillator", "kepler", "rod_pendulum", "damped_oscillator"])
 def test_solving_from_a_bent_path_brings_the_slope_to_zero(name):
     scene = scenes.get(name)
@@ -148,6 +150,7 @@ def test_solving_from_a_bent_path_brings_the_slope_to_zero(name):
     assert np.max(np.abs(there.trial.Q.T - scene.exact(t))) <= 1e-8
 
 
+@pytest.mark.long
 def test_a_trial_near_another_path_leads_to_that_one():
     now = begin(scenes.get("kepler").problem)
     middle = len(now.trial.Q) // 2 + 3
@@ -168,6 +171,7 @@ def test_where_there_is_no_path_the_reason_is_said():
 # -- the end time ----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_sliding_the_end_through_a_conjugate_point_counts_it(spring):
     now = to_solution(begin(spring))
     focus = np.pi / W
@@ -188,6 +192,7 @@ def test_sliding_the_end_through_a_conjugate_point_counts_it(spring):
         assert np.max(np.abs(there.trial.Q.T - exact)) <= 1e-8
 
 
+@pytest.mark.long
 def test_one_variation_raises_the_action_before_and_lowers_it_after(spring):
     # S of x + 4 A u (1 - u), u = t / T, is larger by 8 A^2 (1 / (3 T) - W^2 T / 30).
     now = to_solution(begin(spring))
@@ -221,6 +226,7 @@ def test_the_nearest_conjugate_time_attracts(spring):
     assert len(motion.before(focus)) == 0 and len(motion.before(focus + 1e-4)) == 1
 
 
+@pytest.mark.long
 def test_a_moving_constraint_takes_the_end_with_it():
     scene = scenes.get("turning_wire")
     there = lasting(to_solution(begin(scene.problem, scene.guess)), 1.4)

@@ -84,6 +84,16 @@ def matrix_of(kind, stored, duration=2.0):
     return tr.layout, nonzeros, dense
 
 
+@pytest.mark.quick(
+    "small-plain",
+    "small-drag",
+    "in parts-plain",
+    "in parts-drag",
+    "sparse-plain",
+    "kept-plain",
+    "kept-sphere",
+    "kept-drag",
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_solutions_are_those_of_a_dense_solver(kind, stored):
     layout, nonzeros, dense = matrix_of(kind, stored)
@@ -112,6 +122,7 @@ def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
     assert np.max(np.abs(dense @ found - right)) <= 1e-9 * np.max(np.abs(dense))
 
 
+@pytest.mark.quick("small", "blocks", "in parts", "sparse", "kept")
 def test_solutions_with_a_matrix_near_another_are_its_own(stored):
     layout, nonzeros, dense = matrix_of("sphere", stored)
     known = Factors(layout, nonzeros)
@@ -135,6 +146,16 @@ def test_products_are_those_of_the_dense_matrix(kind, stored):
     assert np.allclose(product(layout, nonzeros, z), dense @ z, rtol=1e-13, atol=1e-12)
 
 
+@pytest.mark.quick(
+    "small--3.0",
+    "small-0.0",
+    "small-30.0",
+    "blocks-30.0",
+    "in parts--3.0",
+    "kept--3.0",
+    "kept-0.0",
+    "kept-30.0",
+)
 @pytest.mark.parametrize("mu", [-3.0, 0.0, 30.0])
 def test_definite_matrices_have_no_negative_eigenvalue(stored, mu):
     layout, nonzeros, dense = matrix_of("plain", stored, duration=9.0)
@@ -145,6 +166,16 @@ def test_definite_matrices_have_no_negative_eigenvalue(stored, mu):
     assert (negative_eigenvalues(layout, moved) == 0) == (lowest > 0)
 
 
+@pytest.mark.quick(
+    "small-2.0-plain",
+    "small-9.0-plain",
+    "blocks-9.0-plain",
+    "sparse-2.0-plain",
+    "sparse-9.0-plain",
+    "kept-2.0-plain",
+    "kept-2.0-sphere",
+    "kept-9.0-plain",
+)
 @pytest.mark.parametrize("kind", ["plain", "sphere"])
 @pytest.mark.parametrize("duration", [2.0, 9.0])
 def test_inertia_is_that_of_the_dense_eigenvalues(kind, stored, duration):
@@ -174,6 +205,16 @@ def test_matrices_that_are_not_finite_are_refused(stored):
             Factors(layout, broken)
 
 
+@pytest.mark.quick(
+    "small-plain",
+    "blocks-plain",
+    "in parts-plain",
+    "sparse-plain",
+    "sparse-sphere",
+    "sparse-drag",
+    "kept-plain",
+    "kept-drag",
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_factorization_outlives_the_next_one_of_its_layout(kind, stored):
     layout, nonzeros, dense = matrix_of(kind, stored)
@@ -278,6 +319,7 @@ CASES = [(shape, "plain") for shape in SHAPES]
 CASES += [(shape, kind) for shape in ("open", "closed", "begun") for kind in ("sphere", "drag")]
 
 
+@pytest.mark.quick("begun-plain", "relabelled-plain")
 @pytest.mark.parametrize(("shape", "kind"), CASES)
 def test_blocks_of_any_path_with_a_border(in_blocks, shape, kind):
     """Nonzeros, products, solutions and inertia, against a matrix put together sparsely."""
@@ -296,6 +338,7 @@ def test_blocks_of_any_path_with_a_border(in_blocks, shape, kind):
             assert factors.negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
 
 
+@pytest.mark.quick("small", "blocks", "in parts", "sparse", "kept")
 def test_the_inertia_where_rows_of_constraints_are_small(stored):
     """D K D has as many negative eigenvalues as K, for any D (Sylvester)."""
     size, (layout, nonzeros, dense) = 1e-32, matrix_of("sphere", stored)

@@ -32,6 +32,7 @@ FAMILIES = {
 }
 
 
+@pytest.mark.quick("half a period-0.001", "half a period-1e-08")
 @pytest.mark.parametrize(
     ("name", "tol"),
     [
@@ -67,6 +68,7 @@ def test_the_message_has_the_dimension_and_the_condition():
         ao.solve(antipodes([0.0, 0.0, 1.0]))
 
 
+@pytest.mark.long
 def test_a_guess_in_a_plane_of_symmetry_does_not_hide_it():
     """Nothing ever leaves the plane z = 0, in which the half ellipse is determined."""
     r = 1.52
@@ -84,6 +86,7 @@ def test_a_guess_in_a_plane_of_symmetry_does_not_hide_it():
     assert ao.solve(problem, guess=lambda t: guess(t)[:2]).kind == "minimum"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("miss", [1e-2, 1e-3])
 def test_beside_the_antipode_there_is_one_path(miss):
     angle = np.pi - miss
@@ -93,6 +96,7 @@ def test_beside_the_antipode_there_is_one_path(miss):
     assert solution.kind == "minimum"
 
 
+@pytest.mark.long
 def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):
     """A few solutions tell: on 10,000 elements the index tripled the time of the solve."""
     long = scenes.get("double_pendulum", end=(0.3, 0.2), duration=0.5).problem
@@ -197,6 +201,7 @@ def test_closed_paths_are_a_family_at_loose_tolerances(name, tol, aside):
     assert (found.inertia.index, found.inertia.nullity) == (index, nullity)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("points", [13, pytest.param(33, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("r", [0.9, pytest.param(1.4, marks=pytest.mark.slow)])
 def test_a_rough_circle_leads_to_the_one_of_its_energy(r, points):
@@ -223,6 +228,7 @@ def test_the_motion_itself_leads_to_itself_in_a_family():
     assert np.ptp(circle.path.values, axis=1) == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.long
 def test_five_points_on_a_circle_lead_to_a_resolved_ellipse():
     """Of a given period the family has all dimensions there are, its size among them."""
     turn = np.linspace(0.0, 2 * np.pi, 5)
@@ -234,6 +240,7 @@ def test_five_points_on_a_circle_lead_to_a_resolved_ellipse():
     assert np.ptp(found.path.values, axis=1) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.quick("<lambda>0-None", "<lambda>0-<lambda>", "<lambda>1-None")
 @pytest.mark.parametrize("guess", [None, lambda t: [1.5 - np.cos(2 * np.pi * t) / 2, np.sin(t)]])
 @pytest.mark.parametrize("on", [lambda q, t: q[0] - 0.3, lambda q, t: q[0] ** 2 + q[1] ** 2 - 1])
 def test_rests_on_a_line_are_a_family(on, guess):

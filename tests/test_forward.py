@@ -45,6 +45,7 @@ def deviation(path, exact):
 # -- closed forms ----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_near_collision_arc():
     # A delay dt is an error of velocity a dt / v ~ dt / (1 - e)^1.5 = 90 dt at pericentre.
     e = 0.95
@@ -55,6 +56,7 @@ def test_near_collision_arc():
     assert lengths.max() > 20 * lengths.min()  # elements are where the motion is
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("w", "t_end"), [(2.0, 9.0), (0.7, -20.0)])
 def test_oscillator_forwards_and_backwards(w, t_end):
     system = System(
@@ -93,6 +95,7 @@ def test_motions_that_time_forces_and_constraints_drive(motion, T):
     assert deviation(integrate(system, State(0.0, *exact(0.0)), T), exact) < ACCURATE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", a_quarter([0.001, 0.1, 0.03, 0.01]))
 @pytest.mark.parametrize("centre", a_quarter([0.31, 0.53, 0.613, 0.8], 2))
 @pytest.mark.parametrize("speed", [0.0, 1.0])
@@ -104,6 +107,7 @@ def test_a_kick_is_not_stepped_over(width, centre, speed):
     assert path.mesh.elements < 300
 
 
+@pytest.mark.long
 def test_a_given_mesh_limits_the_steps():
     """A kick that two hundred steps would pass over, on elements that are as short."""
     system, exact = kicked(2e-5, 0.61803)
@@ -113,6 +117,7 @@ def test_a_given_mesh_limits_the_steps():
     assert deviation(path, exact) < 10 * ACCURATE  # an ulp of time is 5e-12 of the width
 
 
+@pytest.mark.long
 def test_twelve_masses_on_springs_with_a_full_mass_matrix():
     """The second mode, in coordinates u_i = x_i - x_(i-1): frequency 2 sin(pi / 13)."""
     n = 12
@@ -134,6 +139,7 @@ def test_twelve_masses_on_springs_with_a_full_mass_matrix():
 # -- constraints -----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("theta", "l", "g"), [(1.0, 1.0, 9.81), (3.0, 0.4, 1.6)])
 def test_cartesian_pendulum_against_its_angle_and_tension(theta, l, g):
     system, exact = pendulum(theta, l, g)
@@ -146,6 +152,7 @@ def test_cartesian_pendulum_against_its_angle_and_tension(theta, l, g):
     assert np.allclose(inward, tension, rtol=0, atol=10 * ACCURATE * g)
 
 
+@pytest.mark.long
 def test_drift_off_the_surface_stays_at_round_off():
     system = System(
         lambda q, v, t, *, g: np.dot(v, v) / 2 - g * (q[1] + q[3]),
@@ -164,6 +171,7 @@ def test_drift_off_the_surface_stays_at_round_off():
 # -- units, tolerance, cost ------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("length", "time", "mass"), [(1.0, 1.0, 1.0), (1e-10, 1e-15, 1e-27), (1.5e11, 3e7, 2e30)]
 )
@@ -202,6 +210,7 @@ def test_long_motion_is_measured_in_its_own_size():
     assert deviation(path, lambda t: (np.cos(t)[None], -np.sin(t)[None])) < LONG
 
 
+@pytest.mark.long
 def test_error_follows_tol():
     errors = []
     for tol in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
@@ -318,6 +327,7 @@ def test_a_force_that_is_not_smooth_ends_soon():
         integrate(system, State(0.0, [-0.5], [1.2]), 2.0)
 
 
+@pytest.mark.long
 def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
     monkeypatch.setattr(forward, "MAX_NUMBERS", 1000)
     with pytest.raises(IntegrationError, match="not resolved by"):
@@ -338,6 +348,7 @@ def test_a_mass_that_jumps_keeps_the_momentum(backwards):
     assert path.mesh.boundaries[0] == 0.0 and path.mesh.boundaries[-1] == 1.0
 
 
+@pytest.mark.quick("1.0")
 @pytest.mark.parametrize("c", [0.0, 1.0])
 def test_a_jump_at_an_end(c):
     """At the first time it is crossed, beyond the last it is not."""

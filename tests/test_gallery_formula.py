@@ -102,6 +102,7 @@ def at_random(scene):
     return 0.3 + rng.random((n, POINTS)), rng.standard_normal((n, POINTS)) / 4, rng.random(POINTS)
 
 
+@pytest.mark.long
 @of_every_scene
 def test_the_formulas_are_what_is_solved(name):
     scene = scenes.get(name)
@@ -181,6 +182,16 @@ def terms(node):
     yield node
 
 
+@pytest.mark.quick(
+    "catenoid",
+    "drag_linear",
+    "figure_eight",
+    "heavy_top",
+    "inverted_cone",
+    "mirage",
+    "sliding_off_circle",
+    "two_on_a_line",
+)
 @pytest.mark.parametrize("name", a_quarter(scenes.SCENES, 2))
 def test_the_equations_of_motion_vanish_on_the_solution(name):
     assert unfulfilled(name) < 1e-8

@@ -37,6 +37,7 @@ def test_the_least_time_in_a_wind(w, T):
     assert pickle.loads(pickle.dumps(solution)).length == solution.length
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "angle, T",
     [
@@ -52,6 +53,7 @@ def test_light_around_a_black_hole(angle, T):
     assert solution.compare().agrees
 
 
+@pytest.mark.quick("-5.0-49.90208657928")
 @pytest.mark.parametrize("angle, T", [(5.0, 44.41848538706), (-5.0, 49.90208657928)])
 def test_light_around_a_turning_black_hole(angle, T):
     """With it and against it, a = 0.7, r = 15 to 12; by quadrature of Carter's equations.
@@ -71,6 +73,7 @@ def test_light_around_a_turning_black_hole(angle, T):
     assert abs(ray.length - T) < 1e-9
 
 
+@pytest.mark.long
 def test_a_geodesic_that_rises_far_above_the_line_between_its_ends():
     """In the half-plane, cosh of the distance is 1 + |a - b|^2 / (2 y_a y_b): y is up to 150."""
     plane = ao.System.geodesic(lambda q, v: np.sqrt(v @ v) / q[1], ["x", "y"])
@@ -100,6 +103,7 @@ def test_a_nearer_question_ends_after_a_part_of_the_way_or_of_the_time():
     assert (part.start, part.end.t, part.end.q) == (ends[0], 6.0, (1.5,))
 
 
+@pytest.mark.long
 def test_the_two_ways_around_a_sphere():
     ball = ao.System.geodesic(sphere, ["theta", "phi"])
     ends = ao.Event(0, [1.2, 0.0]), ao.Event(1, [1.9, 2.0])

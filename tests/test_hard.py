@@ -48,6 +48,7 @@ def test_hard_paths_are_found_to_the_tolerance(name):
     assert name != "thirty conjugate points" or solution.morse_index == 30
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("T", "count"), [(4.0, 4), *(pytest.param(T, 100, marks=pytest.mark.slow) for T in (1.0, 4.0))]
 )
@@ -109,6 +110,7 @@ def three_walls(x, y):
     )
 
 
+@pytest.mark.long
 def test_a_motion_far_from_the_straight_line_is_found():
     """Walls send it to and fro, far from the line; the action is unbounded below."""
     system = System(lambda q, v, t: kinetic(*v) / 2 - three_walls(*q), ["x", "y"])

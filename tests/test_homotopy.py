@@ -27,6 +27,7 @@ def pendulum_flow(t, y):
 
 
 # On the last way the force grows again before it vanishes: there are folds.
+@pytest.mark.quick("0.5-0.5", "2.5-1.5")
 @pytest.mark.parametrize(("end", "T"), [(0.5, 0.5), (2.5, 1.5), (-1.0, 5.0)])
 def test_from_the_straight_line_to_a_motion(end, T):
     tr = transcribed(PENDULUM, ([1.0], [end]), T, 16)
@@ -56,6 +57,7 @@ def test_with_a_constraint_on_the_way():
     assert np.max(np.abs(np.arctan2(x, -y)[ends] - theta[twin.mesh.offsets])) <= 1e-7
 
 
+@pytest.mark.long
 def test_no_path_is_said():
     # Bratu beyond its fold, 3.51: there is no solution.
     bratu = System(lambda q, v, t: v[0] ** 2 / 2 - 5.0 * np.exp(q[0]), ["x"])

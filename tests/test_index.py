@@ -59,6 +59,7 @@ def test_oscillator(half_periods, index, ends):
     assert solution.kind == ("saddle" if index else "minimum")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ends", [(0.0, 0.0), (1.0, -1.0)])
 def test_end_conjugate_to_start_is_degenerate(ends):
     found = oscillation(1.0, ends, throw=False).inertia
@@ -208,6 +209,7 @@ def valley(width):
     return claimed(problem, ao.Path(mesh, np.stack([mesh.nodes, 0 * mesh.nodes])))
 
 
+@pytest.mark.quick("1.0-0", "0.3-1")
 @pytest.mark.parametrize(("width", "index"), [(1.0, 0), (0.3, 1), (0.03, 1), (0.01, 1), (0.003, 1)])
 def test_a_straight_path_through_a_valley(width, index):
     # The field tanh u (u0 tanh u0 - 1) - (u tanh u - 1) tanh u0 vanishes at the start, u0 < 0, and
@@ -304,6 +306,7 @@ def test_pivots_of_very_different_sizes(monkeypatch):
 # -- published values ----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("part", "index"), a_quarter([(1, 2), (1 / 12, 0), (1 / 3, 0), (1 / 2, 0)])
 )
@@ -408,6 +411,7 @@ def test_kind_does_not_depend_on_the_tolerance(miss, side):
         assert solution.kind == ("saddle" if side > 0 else "minimum")
 
 
+@pytest.mark.quick("0")
 @pytest.mark.parametrize("seed", a_quarter(range(8)))
 def test_index_at_a_loose_tolerance(seed):
     system = systems.henon_heiles()
@@ -491,6 +495,7 @@ def four_bars(N, T):
     return problem, curve, flat
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("N", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_mechanism_that_passes_a_flat_position(N):
     # One freedom, d2S = int M eta'^2 + G sin(theta) eta^2 dt, positive up to T = 1.
@@ -556,6 +561,7 @@ def test_an_eigenvalue_near_zero_is_left_to_the_count_that_tells():
         assert regular_index(at, 1e-12, 1e-5) == told
 
 
+@pytest.mark.long
 def test_chain_against_all_pivots():
     scene = scenes.get("chain", links=8)
     solution = ao.solve(scene.problem, guess=scene.guess)

@@ -37,6 +37,7 @@ def exit_path(beta, **choices):
     return ao.solve(ao.Problem(system, ao.Event(-INF, [-1, 0]), ao.Event(INF, [0, 0])), **choices)
 
 
+@pytest.mark.quick("1.0-1e-11", "5.0-1e-08")
 @pytest.mark.parametrize("w, tol", [(1.0, 1e-6), (1.0, 1e-11), (5.0, 1e-8)])
 def test_a_kink(w, tol):
     """x = tanh(w t), S = 4 w / 3, on all of time."""
@@ -66,6 +67,7 @@ def _saved(solution, file):
     return ao.load(file, solution.problem.system)
 
 
+@pytest.mark.long
 def test_a_long_dwell_is_said_and_shorter_ones_are_solved():
     """At T = 40 the kink's place in time is known to e^-80; at T = 10, S - 4/3 is 3.3e-8."""
     long = ao.Problem(KINK, ao.Event(-20, [-1.0]), ao.Event(20, [1.0]))
@@ -91,6 +93,7 @@ def sine_gordon(q, v, t):
     return v[0] ** 2 / 2 + 1 - np.cos(q[0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "away, tol",
     a_quarter([(0.01, 1e-3), (0.1, 1e-2), (0.01, 1e-2), (0.01, 1e-6)]),
@@ -106,6 +109,7 @@ def test_what_a_window_leaves_out_is_amplified_near_another_equilibrium(away, to
     assert np.abs(ao.solve(back, tol=tol)(-t) - true).max() <= 2 * np.pi * tol
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("away", [1e-3, pytest.param(1e-5, marks=pytest.mark.slow)])
 def test_what_dwells_longer_is_solved_or_said_not_to_be(away):
     """x = tanh(t - s), from as near to -1."""
@@ -148,6 +152,7 @@ def test_an_exit_path_leaves_the_axis_without_a_guess():
     assert np.abs(off(0.0)[1]) > 0.1
 
 
+@pytest.mark.long
 def test_a_bounce_from_the_centre_to_infinity():
     """As in test_singular_ends.py, where the end is far and finite."""
 
@@ -248,6 +253,7 @@ def test_equilibria_of_two_energies_are_not_joined():
         ao.solve(ao.Problem(bound, ao.Event(-INF, [1, 0]), ao.Event(0, [0, 1])))
 
 
+@pytest.mark.long
 def test_a_grid_of_kinks():
     w = np.array([0.5, 1.0, 3.0])
     runs = ao.sweep(JOIN, {"w": w}, record="index")
@@ -285,6 +291,7 @@ def test_a_bounce_that_begins_next_to_another_equilibrium_is_guessed(unit, zero)
     assert begin / unit + zero * rest == pytest.approx(1.06165, abs=1e-4)  # the other is at 1.06172
 
 
+@pytest.mark.long
 def test_from_rest_to_rest_round_a_disc():
     """Of no energy: from either rest to a tangent of the disc, and along it, by integration."""
     k, r, x, y = 0.58, 0.22, -0.08, -0.16

@@ -28,6 +28,16 @@ def instants(factor, t0=0.0, t1=1.0):
     return found.reshape(-1, 2).mean(axis=1), np.ptp(found.reshape(-1, 2), axis=1)
 
 
+@pytest.mark.quick(
+    "<lambda>-expected0",
+    "<lambda>-expected6",
+    "<lambda>-expected8",
+    "<lambda>-expected9",
+    "<lambda>-expected11",
+    "<lambda>-expected12",
+    "<lambda>-expected14",
+    "<lambda>-expected15",
+)
 @pytest.mark.parametrize(
     ("factor", "expected"),
     [
@@ -78,6 +88,7 @@ def closed(force, twice, t):
     return t + twice(t) - twice(0.0) * (1 - t) - twice(1.0) * t
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", a_quarter(range(12)))
 def test_a_window_at_any_place_of_any_width_to_any_tolerance(seed):
     rng = np.random.default_rng(seed)
@@ -103,6 +114,7 @@ def test_a_window_at_any_place_of_any_width_to_any_tolerance(seed):
         assert solution.mesh.elements <= 8
 
 
+@pytest.mark.quick("-1.0-0.0001")
 @pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-11])
 @pytest.mark.parametrize("t0", a_quarter([-1.0, 0.0, 1e3, 1e6]))
 def test_a_mass_that_changes(t0, tol):

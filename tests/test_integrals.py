@@ -31,6 +31,7 @@ def states():
     return ao.Problem(system, ao.Event(-8, [0]), ao.Event(8, [0]), integral=1)
 
 
+@pytest.mark.quick("3.0")
 @pytest.mark.parametrize("length", [2.1, 3.0, 6.0])
 def test_a_rope_hangs_as_a_catenary(length):
     problem = ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0]), integral=length)
@@ -66,6 +67,7 @@ def test_dido_ends_at_right_angles_to_the_shore():
     assert again.action == found.action
 
 
+@pytest.mark.long
 def test_states_are_saddles():
     ground = ao.solve(states(), tol=1e-10)
     assert ground.action == pytest.approx(0.5, abs=1e-10)
@@ -83,6 +85,7 @@ def test_all_states_of_an_oscillator():
         assert path.morse_index == k
 
 
+@pytest.mark.long
 def test_the_action_changes_with_the_value_by_the_multiplier():
     at = [
         ao.solve(
@@ -94,6 +97,7 @@ def test_the_action_changes_with_the_value_by_the_multiplier():
     assert slope == pytest.approx(-at[1].integral_multipliers[0], rel=1e-6)
 
 
+@pytest.mark.quick("3")
 @pytest.mark.parametrize("seed", range(4))
 def test_several_integrals_and_a_waypoint(seed):
     """x'' = kappa.(1, cos 2t) on both legs: linear equations."""
@@ -151,6 +155,7 @@ def test_a_free_time_with_an_integral():
     assert found.integral_multipliers == pytest.approx([x[1]], abs=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("end", [1e-17, 1.1e-16])
 def test_events_that_differ_by_round_off_say_no_size(end):
     """A parabola: x'' is constant, and S = 6 A^2 / T^3. A rope: that between equal heights."""
@@ -163,6 +168,7 @@ def test_events_that_differ_by_round_off_say_no_size(end):
     assert rope(1.0)[0] == pytest.approx(c * (1 - np.cosh(1 / c)), rel=1e-9)
 
 
+@pytest.mark.long
 def test_values_that_no_path_has_are_refused():
     short = ao.Problem(ROPE, ao.Event(0, [1]), ao.Event(1, [3]), integral=2.0)
     with pytest.raises(ValueError, match="no such path"):
@@ -191,6 +197,7 @@ def test_what_integrals_do_not_go_with_is_refused():
         ao.solve(problem, method="ipopt")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kappa", "p", "action", "index"),
     [
@@ -217,6 +224,7 @@ def test_a_rod_that_winds_once_is_found_from_its_shape(kappa, p, action, index):
     assert found.morse_index == index
 
 
+@pytest.mark.long
 def test_a_soap_film_that_is_a_cylinder():
     """A coordinate that does not change: longer than 2 pi it is a saddle (Plateau, Rayleigh)."""
     film = ao.System(
@@ -230,6 +238,7 @@ def test_a_soap_film_that_is_a_cylinder():
     assert found.morse_index == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("k", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_conjugate_points_and_modes_of_a_state(k):
     """Neighbours of sin wt: A sin wt + B t cos wt, of which int eta sin wt dt = 0."""
@@ -258,6 +267,7 @@ def test_conjugate_points_and_modes_of_a_state(k):
 # -- closed paths, constraints, forces -------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_states_on_a_ring():
     """Mathieu's equation y'' + (a - 2 q cos 2 x) y = 0, of period 2 pi: S = a / 2."""
     ring = ao.System(
@@ -277,6 +287,7 @@ def test_states_on_a_ring():
         assert state.action == pytest.approx(known / 2, rel=1e-9) and state.morse_index == k
 
 
+@pytest.mark.long
 def test_the_closed_curve_round_a_given_area():
     """A circle, anywhere in the plane: int v^2 / 2 = 2 pi area in the time 1."""
     system = ao.System(
@@ -326,6 +337,7 @@ def test_a_period_that_is_found_with_an_integral():
     assert path.duration == pytest.approx(2 * np.pi / np.cbrt(1.6 * np.pi / 2.5), rel=1e-10)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mean", [0.6, -0.3])
 def test_an_integral_on_a_circle_is_that_of_its_angle(mean):
     angle = ao.System(
@@ -354,6 +366,7 @@ def test_an_integral_on_a_circle_is_that_of_its_angle(mean):
     assert path.sensitivity().integral == pytest.approx(-known.integral_multipliers, rel=1e-9)
 
 
+@pytest.mark.long
 def test_an_integral_of_a_dragged_path():
     """x'' + x' = kappa: x = kappa t + c (1 - exp -t)."""
     system = ao.System(
@@ -376,6 +389,7 @@ def test_an_integral_of_a_dragged_path():
             ask()
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("k", [1, 2])
 def test_waves_on_a_closed_beam(k):
     """Of int x^2 = 1 on a ring: k^4 / 2, above a constant and the lower waves."""

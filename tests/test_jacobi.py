@@ -85,6 +85,7 @@ def test_no_path_is_found_where_there_is_none(side, miss):
     assert abs(miss) / 10 < force < 10 * abs(miss)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("off", [1e-4, pytest.param(-1e-4, marks=pytest.mark.slow)])
 def test_a_path_of_a_family_is_polished_with_its_duration(off):
     """All motions of an isotropic oscillator close in 2 pi, and none in the times beside."""

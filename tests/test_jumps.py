@@ -13,6 +13,7 @@ def found(lagrangian, t0=0.0, t1=1.0, n=1, q=0.7, v=1.3, **options):
     return jumps(system, None, np.linspace(t0, t1, 65), np.full((n, 64), q), np.full((n, 64), v))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("c", [0.3141592, 0.25, 1 / 3, 1e-9, 1 - 1e-9])
 def test_the_two_times_are_neighbours(c):
     """A mass, a force, and a gyroscopic term, that belong to either side of the time c."""

@@ -189,6 +189,7 @@ def test_beyond_the_safety_parabola_no_arc_is_level(figure):
     assert figure("optics", y=edge - 0.2)["said"] == "two"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("e", [-0.2, 0.28])
 def test_the_slope_of_the_action_with_a_rod_is_its_pull(figure, e):
     found, l, T = figure("rod", e=e), 1 + e, 0.9

@@ -31,6 +31,7 @@ def reference(degree):
         return x, w, D
 
 
+@pytest.mark.quick("1", "2", "3", "4", "8", "16")
 @pytest.mark.parametrize("d", DEGREES)
 def test_nodes_and_weights_agree_with_forty_digits(d):
     x, w, _ = reference(d)
@@ -42,6 +43,7 @@ def test_nodes_and_weights_agree_with_forty_digits(d):
     assert max(abs(float(a / b - 1)) for a, b in zip(w, rule.weights, strict=True)) <= bound
 
 
+@pytest.mark.quick("1", "2", "3", "4", "8", "16")
 @pytest.mark.parametrize("d", DEGREES)
 def test_derivative_agrees_with_forty_digits(d):
     _, _, D = reference(d)

@@ -98,6 +98,7 @@ def test_nothing_moves_where_a_mass_is_missing():
     assert not found.near and found.iterations == 0 and found.z is z
 
 
+@pytest.mark.long
 def test_a_guess_near_a_path_takes_newton_steps_alone(monkeypatch):
     """All links of a chain turned evenly: along its slowest oscillation, but for the clock."""
     monkeypatch.setattr(_Masses, "step", None)

@@ -1139,6 +1139,16 @@ def test_every_pair_is_in_the_table():
     assert {entry for entry in entered if len(entry) == 2} == pairs
 
 
+@pytest.mark.quick(
+    "free time x ipopt",
+    "infinite time x force",
+    "closed x surface x clock",
+    "surface x ipopt",
+    "obstacle x ipopt",
+    "given times x integral",
+    "constraint x integral",
+    "constraint x accelerations",
+)
 @pytest.mark.parametrize("entry", SOLVED, ids=named)
 def test_a_pair_has_its_known_answer(entry):
     SOLVED[entry]()

@@ -13,6 +13,7 @@ OSCILLATOR = systems.oscillator("x y")
 PENDULUM = systems.pendulum("angle")
 
 
+@pytest.mark.long
 def test_integrating_back_in_time_undoes_integrating_forth():
     problem = Problem(OSCILLATOR, Event(1.0, [1.0, 0.0]), Event(4.0, [0.3, 0.2]))
     q0, v0 = np.array([[1.0, 0.2], [0.0, 0.5]]), np.array([[0.3, -1.0], [1.0, 0.1]])
@@ -103,6 +104,7 @@ def test_a_motion_that_nothing_can_start_gives_no_guess():
     assert list(meetings(problem, 16, 4)) == [] == list(hits(problem))
 
 
+@pytest.mark.long
 def test_what_hits_the_end_is_a_motion_to_there():
     problem = Problem(PENDULUM, Event(0.0, [0.4]), Event(9.0, [-0.7]))
     found = list(hits(problem))

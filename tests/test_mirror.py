@@ -158,6 +158,7 @@ UNFORCED = [name for name, case in CASES.items() if case[6] is None]
 EXACT = [name for name in CASES if name not in ("sphere", "layers")]
 
 
+@pytest.mark.quick("pendulum")
 @pytest.mark.parametrize("name", a_quarter(CASES))
 def test_the_path_is_mirrored_and_all_that_was_done_is_the_same(name, both):
     here, there = both(name)
@@ -169,6 +170,7 @@ def test_the_path_is_mirrored_and_all_that_was_done_is_the_same(name, both):
     assert flat(figures(here)) == flat(figures(there))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", a_quarter(EXACT))
 def test_the_comparison_is_the_same(name, both):
     """But where a singular value decomposition, or a motion that overflows, has its own signs."""
@@ -176,6 +178,7 @@ def test_the_comparison_is_the_same(name, both):
     assert [getattr(one, key) for key in NUMBERS] == [getattr(other, key) for key in NUMBERS]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", a_quarter(UNFORCED, 2))
 def test_the_second_variation_is_the_same(name, both):
     here, there = both(name)
@@ -193,6 +196,7 @@ def test_the_second_variation_is_the_same(name, both):
         assert np.allclose(a, sign * b, rtol=SAME, atol=SAME * np.max(np.abs(a)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", a_quarter((x for x in CASES if x not in ("closed", "layers")), 2))
 def test_an_action_of_the_other_sign_has_the_same_stationary_paths(name):
     """-L has the equations of motion of L; only what is least is not."""
@@ -216,6 +220,7 @@ def test_an_action_of_the_other_sign_has_the_same_stationary_paths(name):
 # -- parts of a search and of a comparison ---------------------------------------------------
 
 
+@pytest.mark.quick("pendulum")
 @pytest.mark.parametrize("name", a_quarter(name for name in CASES if name != "closed"))
 def test_a_path_under_way_is_measured_alike(name, both):
     """How sensitive, whether singular, what is missed: on a coarse mesh with something left."""
@@ -238,6 +243,7 @@ def test_a_path_under_way_is_measured_alike(name, both):
         assert np.allclose(one, other, rtol=SAME, atol=1e-14, equal_nan=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("way", "goal", "stopped"),
     a_quarter(

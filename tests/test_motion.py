@@ -105,6 +105,7 @@ def forces(name, **parameters):
     return plot.motion_data(solution, scene.draw, 9, force=True), scene
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rod_pendulum", "polar_pendulum"])
 @pytest.mark.parametrize("m", [1.0, 2.5])
 def test_tension_is_what_mass_times_acceleration_leaves(name, m):
@@ -123,6 +124,7 @@ def test_tension_is_what_mass_times_acceleration_leaves(name, m):
     assert np.max(np.abs(data.forces[0] - expected)) < FORCE * np.max(np.abs(expected))
 
 
+@pytest.mark.long
 def test_friction_pulls_the_wheel_up_the_slope_and_its_torque_is_left():
     data, scene = forces("rolling_cylinder")
     slope = np.array([np.cos(0.3), -np.sin(0.3)])[:, None]
@@ -196,6 +198,7 @@ def inside(ax):
         assert figure.bbox.y0 <= extent.y0 and extent.y1 <= figure.bbox.y1
 
 
+@pytest.mark.quick("turning_wire")
 @pytest.mark.parametrize("name", helpers.a_quarter(scenes.SCENES, 3))
 def test_nothing_is_clipped(name):
     solution, scene = solved(name)
@@ -224,6 +227,7 @@ def test_the_strobe_shows_each_time_once():
     assert hollow == [True, False, False, False]
 
 
+@pytest.mark.long
 def test_scales_are_as_long_as_they_say():
     solution, scene = solved("rod_pendulum")
     ax = plot.motion(solution, scene.draw, force=True)
@@ -240,6 +244,7 @@ def test_scales_are_as_long_as_they_say():
     assert 0.2 * data.size < longest < 0.3 * data.size
 
 
+@pytest.mark.quick("oscillator-0")
 @pytest.mark.parametrize(("name", "along"), [("oscillator", 0), ("drag_quadratic", 1)])
 def test_a_motion_on_a_line_is_a_strip_of_times(name, along):
     solution, scene = solved(name)
@@ -260,6 +265,7 @@ def test_a_motion_on_a_line_is_a_strip_of_times(name, along):
 SHORT = {"seconds": 0.3, "fps": 20}
 
 
+@pytest.mark.long
 def test_frames_show_the_bodies_where_they_are():
     solution, scene = solved("double_pendulum")
     figure, update = _film._reel(solution, scene.draw, 5, False, plot.SI)
@@ -271,6 +277,7 @@ def test_frames_show_the_bodies_where_they_are():
     inside(ax)
 
 
+@pytest.mark.long
 def test_an_animation_has_the_film_s_frames():
     solution, scene = solved("projectile")
     page = plot.animation(solution, scene.draw, **SHORT).to_jshtml()
@@ -316,6 +323,7 @@ def test_a_film_by_ffmpeg_is_the_same_file_again(tmp_path, ending):
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
+@pytest.mark.long
 def test_a_spherical_pendulum_is_held_along_its_rod():
     """In space the force of the rod is along it, which in the picture of it changes its length."""
     system = ao.System(

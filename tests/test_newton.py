@@ -74,6 +74,7 @@ def test_newton_contracts_quadratically():
     assert np.all(orders > 2.7)
 
 
+@pytest.mark.long
 def test_a_start_with_no_path_near_is_refused():
     tr, exact = swing(T=6.0)
     for size in (3, 10):

@@ -84,6 +84,7 @@ def test_a_film_is_a_page(chromium, tmp_path):
     assert chromium.errors == []
 
 
+@pytest.mark.long
 def test_a_relaxation_that_runs_away_lasts():
     """Of an elastic pendulum, which takes six steps."""
 

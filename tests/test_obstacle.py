@@ -73,6 +73,7 @@ def apart(t, *ends):
     return t[np.abs(np.subtract.outer(ends, t)).min(axis=0) > 1e-9]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("ends", "tol"),
     a_quarter(
@@ -100,6 +101,7 @@ def test_shortest_way_round_a_circle(ends, tol):
     assert sol.contact_force(middle).shape == (1,)
 
 
+@pytest.mark.long
 def test_a_string_above_a_floor():
     """Parabolas of the curvature g end on the floor, tangentially."""
     for g, h in ((2.0, 1.0), (5.0, 0.3)):
@@ -118,6 +120,7 @@ def test_a_string_above_a_floor():
         assert sol.start.v == pytest.approx([-g * begin])
 
 
+@pytest.mark.long
 def test_both_ends_of_an_arc_belong_to_it():
     """And the numbers next to them do not: at the ends are the limits from within."""
     sol = ao.solve(ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5])), tol=1e-10)
@@ -129,6 +132,7 @@ def test_both_ends_of_an_arc_belong_to_it():
     assert sol.acceleration(beyond) == pytest.approx(np.array([[2, 2]]))
 
 
+@pytest.mark.long
 def test_a_catenary_above_a_floor():
     rope = ao.System(  # its tension at the floor is c
         lambda q, v, x, *, c: (q[0] + c) * np.sqrt(1 + v[0] ** 2),
@@ -145,6 +149,7 @@ def test_a_catenary_above_a_floor():
     assert np.abs(sol(t)[0] - c * (np.cosh(gap / c) - 1)).max() <= sol.error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("h", [1.0, 0.4])
 def test_a_moving_wall(h):
     """Straight world lines touch the wall x = h (1 - 8 (t - 1/2)^2) where they are tangents."""
@@ -158,6 +163,7 @@ def test_a_moving_wall(h):
     assert sol.contact_force(0.5) == pytest.approx([16 * h])
 
 
+@pytest.mark.long
 def test_both_ways_round_a_circle():
     A, B = (-2, 0.3), (2, 0)
     problem = ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B))
@@ -187,6 +193,7 @@ def test_both_ways_round_discs_that_overlap():
     assert [path.action for path in paths] == pytest.approx(sorted(expected), rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("g", "discs", "ends", "T"),
     [
@@ -220,6 +227,7 @@ def test_no_way_on_other_sides_is_shorter(g, discs, ends, T):
         assert not other.success or other.action > sol.action * (1 - 1e-6)
 
 
+@pytest.mark.long
 def test_geodesic_round_a_sphere():
     ball = body(lambda q: q @ q - 1, names="xyz")
     A, B = np.array([-2, 0.3, 0.1]), np.array([1.5, 0.2, -0.4])
@@ -231,6 +239,7 @@ def test_geodesic_round_a_sphere():
     assert np.cross(A, B) @ sol(0.5) == pytest.approx(0, abs=1e-9)  # in the plane of the centre
 
 
+@pytest.mark.long
 def test_the_fastest_path_round_a_disc():
     """At a given energy: the shortest one, at the speed sqrt(2 E)."""
     A, B, energy = (-2, 0.3), (2, 0), 0.8
@@ -283,6 +292,7 @@ def test_two_discs_in_order():
     assert sol.contact_force(t).min() >= 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("more", [-1e-3, 0, 1e-6, 1e-3])
 def test_grazing_contact(more):
     """Two parabolas meet on the floor after 1 + sqrt(1/2); from there on they part."""
@@ -299,6 +309,7 @@ def test_grazing_contact(more):
         assert sol.compare().agrees
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rows", [lambda f, g: [f, g], lambda f, g: np.fmin(f, g) / 2])
 def test_at_rest_in_a_corner(rows):
     """A heavy string in a trough comes along one plane, lies in the corner, leaves on the other."""
@@ -381,6 +392,7 @@ def test_links_above_a_floor():
     assert a.morse_index == b.morse_index == 0
 
 
+@pytest.mark.long
 def test_free_ends_on_the_floor():
     for T, contact in ((0.9, []), (1.5, [(1.0, 1.5)])):
         sol = ao.solve(ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(T, [None])))
@@ -399,6 +411,7 @@ def test_at_rest_on_the_floor():
     assert not sol(np.linspace(0, 1, 9)).any()
 
 
+@pytest.mark.long
 def test_it_travels():
     problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
     sol = ao.solve(problem)
@@ -408,6 +421,7 @@ def test_it_travels():
         assert other.contact_force(2.0) == pytest.approx([2])
 
 
+@pytest.mark.long
 def test_it_is_saved(tmp_path):
     sol = ao.solve(ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5])))
     sol.save(tmp_path / "string.npz")
@@ -418,6 +432,7 @@ def test_it_is_saved(tmp_path):
         _ = ao.load(tmp_path / "string.npz").contacts
 
 
+@pytest.mark.long
 def test_a_grid_of_strings():
     problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
     runs = ao.sweep(problem, {"g": [0.1, 1.0, 3.0]})
@@ -454,6 +469,7 @@ def test_bad_questions():
         ao.solve(ao.Problem(plain, ao.Event(0, [0]), ao.Event(1, [1]))).contact_force(0.5)
 
 
+@pytest.mark.long
 def test_the_action_changes_with_ends_of_a_path_in_contact():
     """Over a floor S = sqrt(8 g) (a^(3/2) + b^(3/2)) / 3: each end sees its own parabola."""
     (a, b), g = (1.0, 0.5), 2.0
@@ -513,6 +529,7 @@ def on_floor(c, a, b, D):
     return (low, high), length, weight, height
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, *slow(*range(2, 32))])
 def test_a_rope_of_given_length_lies_on_a_floor(seed):
     """Two catenaries of one tension, -kappa's; c is drawn, and the length follows from it."""
@@ -535,6 +552,7 @@ def test_a_rope_of_given_length_lies_on_a_floor(seed):
     assert [found.q0[0], found.q1[0]] == pytest.approx(slopes, rel=1e-6)
 
 
+@pytest.mark.long
 def test_ropes_that_grow_come_to_lie_on_the_floor():
     """They hang free until the catenary of the tension c touches it."""
     c, (a, b) = 0.6, (1.0, 0.8)
@@ -604,6 +622,7 @@ def points_outside(random, count):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, *slow(*range(1, 31))])
 def test_a_string_round_a_disc_through_points_at_given_times(seed):
     """Taut on each leg, and free of the others."""
@@ -649,6 +668,7 @@ def test_a_string_round_a_disc_to_a_line_and_back():
     assert len(sol.contacts) == 1 and sol.impulses[0] == pytest.approx([0, sol.impulses[0][1]])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("t", "y", "x"), [(0.55, 0.3, 0.5), *slow((None, 0.3, 0.5), (None, 0, 0))])
 def test_a_string_round_a_disc_through_a_line_that_meets_the_disc(t, y, x):
     """Straight to it the line is met inside of the disc; no impulse holds the string there."""
@@ -662,6 +682,7 @@ def test_a_string_round_a_disc_through_a_line_that_meets_the_disc(t, y, x):
     assert sol.impulses[0][1] == pytest.approx(0, abs=1e-7)
 
 
+@pytest.mark.long
 def test_a_string_held_on_a_disc():
     """It lies on the disc before the point and after it, and the speed jumps there."""
     ends, top = (ao.Event(0, [-2, 0.3]), ao.Event(2, [2, 0.3])), ao.Event(1.2, [0, 1])
@@ -731,6 +752,7 @@ def test_what_does_not_know_contact_says_so():
             ask()
 
 
+@pytest.mark.long
 def test_shortest_way_in_a_length():
     """A geodesic system with an obstacle has its length, whatever runs it through."""
     flat = ao.System.geodesic(
@@ -774,6 +796,7 @@ def distance(R):
     return lambda q: np.sqrt(q @ q) - R
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("R", a_quarter([1e-3, 1e-2]))
 @pytest.mark.parametrize("form", [distance, lambda R: disc(radius=R)])
 def test_round_a_peg_that_is_hardly_there(R, form):
@@ -794,6 +817,7 @@ def test_no_path_goes_through_a_peg_unseen():
     assert not sol.success or sol.contacts
 
 
+@pytest.mark.long
 def test_from_a_point_on_a_small_disc():
     """Between this point, where f is zero, and the next sample the straight line is inside."""
     radius, end = 0.01, np.array([3.8, -3.79])
@@ -822,6 +846,7 @@ def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
         least_along._least(ws, 1e-8, found[1:])
 
 
+@pytest.mark.long
 def test_why_there_is_no_path():
     walls = systems.particle(obstacle=lambda q, t: [q[0] - 3 * np.sin(np.pi * t), 2 - q[0]])
     with pytest.raises(ao.SolveError, match="may contradict each other"):
@@ -831,6 +856,7 @@ def test_why_there_is_no_path():
         ao.solve(ao.Problem(twice, ao.Event(0, [-2, 0.3]), ao.Event(1, [2, 0])), tol=1e-6)
 
 
+@pytest.mark.quick("<lambda>-gradient is not zero on its surface")
 @pytest.mark.parametrize(
     "row, why",
     [
@@ -870,6 +896,7 @@ def test_a_minimum_is_several_rows(row, parts):
     assert parts is not None or found.size == 1
 
 
+@pytest.mark.long
 def test_what_goes_round_a_corner():
     """What is said where a string turns on corners, such as a square's, leads round it."""
     ends = ao.Event(0, [-3, 0.2]), ao.Event(1, [3, -0.1])
@@ -922,6 +949,7 @@ def round_thin_wall(width, angle, A=(-2.5, 0.1), B=(2.5, -0.2), tol=1e-6):
     return np.sqrt(2 * sol.action), sorted(round_ellipse(A, B, width, angle))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("width", "angle"), a_quarter([(0.015, -0.7), (0.1, 0.0), (0.03, 1.2), (0.01, -1.2)])
 )
@@ -930,6 +958,7 @@ def test_a_string_round_the_edge_of_a_thin_wall(width, angle):
     assert length == pytest.approx(known[0], rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("angle", "A", "B"),
     [
@@ -986,6 +1015,7 @@ def majorant(t, y):
     return np.sum(np.diff(y[hull]) ** 2 / np.diff(t[hull])) / 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", a_quarter(range(4)))
 def test_a_string_over_random_hills_is_the_least_concave_majorant(seed):
     rng = np.random.default_rng(seed)
@@ -1022,6 +1052,7 @@ def turn(radius):
     return lambda t: radius * np.stack([np.sin(2 * np.pi * t), np.cos(2 * np.pi * t)])
 
 
+@pytest.mark.long
 def test_a_belt_begins_on_a_surface():
     """Round discs of the radii R and r, d apart: tangents, and the angles in contact."""
     R, r, d = 1.0, 0.5, 3.0
@@ -1070,6 +1101,7 @@ def test_a_closed_path_round_one_disc_without_a_guess_is_not_found():
     assert not ao.solve(problem, throw=False).success
 
 
+@pytest.mark.quick("-0.1")
 @pytest.mark.parametrize("y", [0.1, -0.1])
 def test_round_one_disc_ipopt_is_not_asked(y):
     A, B = (-2.0, y), (2.0, y)

@@ -49,6 +49,7 @@ def normals(x, y):
     return feet, np.array([c / A * np.cos(s) ** 3, -c / B * np.sin(s) ** 3]).T
 
 
+@pytest.mark.long
 def test_the_shortest_way_to_an_ellipse_needs_no_guess():
     feet, _ = normals(*INSIDE)
     lengths = np.linalg.norm(feet - INSIDE, axis=1)
@@ -62,6 +63,7 @@ def test_the_shortest_way_to_an_ellipse_needs_no_guess():
     assert found.surface_multipliers[0].size == 0
 
 
+@pytest.mark.long
 def test_four_normals_and_their_indices():
     """The index of a normal is the number of centres of curvature on it; Morse's theorem."""
     feet, centres = normals(*INSIDE)
@@ -83,6 +85,7 @@ def test_four_normals_and_their_indices():
     assert sorted(indices) == [0, 0, 1, 1]
 
 
+@pytest.mark.long
 def test_derivatives_of_the_action():
     def action(**change):
         start = [INSIDE[0] + change.pop("x", 0.0), INSIDE[1] + change.pop("y", 0.0)]
@@ -108,6 +111,7 @@ def test_derivatives_of_the_action():
     assert found.q1q1[0, 0] == pytest.approx((S[2] - 2 * S[1] + S[0]) / h**2, rel=1e-5)
 
 
+@pytest.mark.long
 def test_between_two_circles():
     def first(q, t):
         return q @ q - 1
@@ -124,6 +128,7 @@ def test_between_two_circles():
     assert far.morse_index == 2
 
 
+@pytest.mark.long
 def test_a_free_particle_to_a_moving_wall():
     """p u = p^2 / 2 - E where the wall moves at u: p = u + sqrt(u^2 + 2 E)."""
     E, u, wall = 1.3, 0.4, 2.0
@@ -143,6 +148,7 @@ def test_a_free_particle_to_a_moving_wall():
     assert given.end.q == pytest.approx([wall + u * 1.5, 0.0], abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("u", [-2.14, -3.0])
 def test_a_wall_that_runs_away_faster_than_motions_of_the_energy(u):
     """There H - E = u p; in a well, where H is that at the start."""
@@ -306,6 +312,7 @@ def test_normals_from_a_point_close_to_an_ellipse_and_to_a_small_one(size):
     assert found[1].end.q[1] < 0 < found[0].end.q[1]
 
 
+@pytest.mark.long
 def test_a_small_circle_far_away():
     centre, p = np.array([446.0, 959.0]), np.array([1.3, 0.7])
     end = ao.Event(1.0, None, on=lambda q, t: ((q - centre) / 0.126) @ ((q - centre) / 0.126) - 1)
@@ -338,6 +345,7 @@ def test_all_normals_of_random_ellipses_and_ellipsoids(seed):
     assert sum((-1) ** k for k in found.indices) == (0 if n == 2 else 2)  # Euler's characteristic
 
 
+@pytest.mark.quick("0.2")
 @pytest.mark.parametrize("lean", [0.0, 0.2, -0.3])
 def test_the_quickest_descent_meets_the_wall_squarely(lean):
     scene = ao.scenes.get("descent_to_wall", lean=lean)
@@ -350,6 +358,7 @@ def test_the_quickest_descent_meets_the_wall_squarely(lean):
     assert found.morse_index == 0
 
 
+@pytest.mark.long
 def test_from_the_pole_to_a_parallel_is_a_family():
     sphere = systems.particle("x y z", constraint=lambda q, t: (q @ q - 1) / 2)
     end = ao.Event(1.0, None, on=lambda q, t: q[2] - 0.5)
@@ -357,6 +366,7 @@ def test_from_the_pole_to_a_parallel_is_a_family():
     assert found.status is ao.Status.DEGENERATE
 
 
+@pytest.mark.long
 def test_a_clock_and_a_moving_surface():
     """p = -mu on_q and H - E = mu on_t at the end, with H by forward integration."""
     E = 1.5
@@ -374,6 +384,7 @@ def test_a_clock_and_a_moving_surface():
     assert runs.action[1] == pytest.approx(found.action, rel=1e-7)
 
 
+@pytest.mark.long
 def test_a_member_that_its_neighbour_does_not_lead_to_is_solved_without_it(monkeypatch):
     def solve(problem, *, guess=None, **options):
         found = ao.solve(problem, guess=guess, **options)

@@ -49,6 +49,7 @@ def made_again(name):
     return report.page(Results(file, rows))
 
 
+@pytest.mark.quick("constants.md", "stress.md")
 @pytest.mark.parametrize(
     "name", ["constants.md", "stress.md", "benchmarks/scaling.md", "benchmarks/full.md"]
 )

@@ -25,6 +25,7 @@ def driven(damping=0.0, stiff=4.0, drive=0.7, w=1.5, cubic=0.0):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("w", "b"), [(1.5, 0.0), (5.0, 0.0), (1.5, 0.4)])
 def test_steady_oscillation(w, b):
     """x = Re a e^(iwt) / (k - w^2 + i b w), the one motion with the period of the drive."""
@@ -59,6 +60,7 @@ def test_circle_round_a_cone():
     assert isinstance(again.end, Periodic) and again.end.q == (None, 2 * np.pi)
 
 
+@pytest.mark.long
 def test_closed_path_on_a_moving_constraint():
     """A pendulum in Cartesian coordinates, its pivot shaken, against the same in its angle."""
     w, A, l, g = 3.0, 0.2, 1.0, 9.81
@@ -202,6 +204,7 @@ def steady():
     return ao.solve(ao.Problem(driven(), FREE, Periodic(2 * np.pi / 1.5)), tol=1e-10)
 
 
+@pytest.mark.long
 def test_a_closed_path_stays_closed_along_a_family(steady):
     for vary, to in (("k", 6.0), ("t1", 3.9), ("t0", 0.2)):
         family = ao.trace(steady.problem, vary, to, count=False)
@@ -250,6 +253,7 @@ def driven_oscillator(w, c, T, start=None):
     return ao.Problem(system, ao.Event(0.0, [start]), Periodic(T))
 
 
+@pytest.mark.quick("0.7-2.9--1.1", "3.5-1.3-0.7", "3.5-2.9--1.1")
 @pytest.mark.parametrize(("w", "c"), [(1.3, 0.7), (2.9, -1.1)])
 @pytest.mark.parametrize("T", [0.7, 3.5, 14.0, *slow(2.0, 5.5, 9.0)])
 def test_index_and_modes_of_a_driven_oscillator(w, c, T):
@@ -268,6 +272,7 @@ def test_index_and_modes_of_a_driven_oscillator(w, c, T):
         assert np.mean(mode(times) ** 2) * T == pytest.approx(1.0, rel=1e-7)
 
 
+@pytest.mark.quick("1.3-2.0", "1.3-5.5")
 @pytest.mark.parametrize(("w", "T"), [(1.3, 2.0), (1.3, 5.5), (2.9, 9.0)])
 def test_a_coordinate_given_at_the_start_is_pinned_at_both_ends(w, T):
     solution = ao.solve(driven_oscillator(w, 0.7, T, start=0.4))
@@ -294,6 +299,7 @@ def closed_eigenvalues(A, B, C, T, n, order=40, samples=320):
     return np.linalg.eigvalsh(H.reshape(len(f) * n, -1) * T / samples)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("T", "B", "F"),
     a_quarter([(11.0, 1.1, 2.0), (3.0, 0.5, 1.0), (6.0, 1.1, 2.0), (7.0, 0.5, 1.0)]),
@@ -345,6 +351,7 @@ def test_an_orbit_without_a_clock_is_moved_along_itself():
     assert ao.solve(loose, guess=pinned, throw=False).inertia.nullity == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("T", "nullity"), [(np.pi, 4), (2 * np.pi, 4), (3.0, 0)])
 def test_nullity_of_a_closed_oscillation(T, nullity):
     plane = ao.System(lambda q, v, t: (v @ v - 4 * q @ q) / 2, ["x", "y"])
@@ -398,6 +405,7 @@ def test_a_closed_path_that_shrinks_to_a_rest_is_given_up_at_once():
     assert all(part["unknowns"] < 1000 for part in found.stats["rounds"])  # 300 000 otherwise
 
 
+@pytest.mark.long
 def test_a_rougher_neighbour_is_not_resolved_to_its_errors():
     spring = systems.spring()
     rough = ao.solve(ao.Problem(spring, ao.Event(0.0, [0.0]), Periodic(None), energy=5.0), tol=1e-3)
@@ -407,6 +415,7 @@ def test_a_rougher_neighbour_is_not_resolved_to_its_errors():
     assert fine.morse_index == 2
 
 
+@pytest.mark.long
 def test_what_moves_a_closed_path_is_no_direction_down_on_very_short_elements():
     spring = systems.spring()
     orbit = ao.solve(
@@ -423,6 +432,7 @@ def test_what_moves_a_closed_path_is_no_direction_down_on_very_short_elements():
     assert again.inertia.moves == 1
 
 
+@pytest.mark.quick("apart")
 @pytest.mark.parametrize(
     ("n", "status"), [(8, ao.Status.FLOOR), (7, ao.Status.DEGENERATE)], ids=["apart", "resonant"]
 )
@@ -483,6 +493,7 @@ MEMBERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MEMBERS)
 def test_a_guess_that_is_a_member_of_a_family_is_kept(name):
     system, member, T = MEMBERS[name]

@@ -86,6 +86,7 @@ def test_a_loaded_system_says_where_its_law_came_from(elsewhere):
     assert "an object of the type" in System(Law(), ["x"]).source
 
 
+@pytest.mark.long
 def test_families_travel():
     problem = scenes.get("oscillator", duration=1.0).problem
     for copied in (
@@ -103,6 +104,7 @@ def test_the_digest_tells_laws_apart():
     assert made() == found[0] and len(set(found)) == 4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["pendulum", "rod_pendulum", "figure_eight", "turning_wire"])
 def test_a_solution_is_the_same_elsewhere(name, elsewhere):
     solution = solved(name)
@@ -163,6 +165,7 @@ NOTEBOOK = """
 """
 
 
+@pytest.mark.long
 def test_a_lambda_of_a_notebook_reaches_a_process_that_is_spawned():
     """A process that runs a cell has no file that another one could import."""
     command = [sys.executable, "-c", textwrap.dedent(NOTEBOOK)]

@@ -19,6 +19,7 @@ def drawn(ax, label):
     return np.array(line.get_data())
 
 
+@pytest.mark.long
 def test_curves_are_the_solution_the_integration_and_their_distance():
     solution = solved("kepler")
     data = plot.curves(solution, 50)
@@ -39,6 +40,7 @@ def test_cartesian_coordinates_make_an_orbit():
     assert ax.get_aspect() == 1.0
 
 
+@pytest.mark.long
 def test_every_mass_of_a_chain_has_an_orbit_and_one_legend_for_all():
     ax = plot.paths(solved("chain"))
     words = [text.get_text() for text in ax.get_legend().get_texts()]
@@ -83,6 +85,7 @@ def test_style_stays_inside():
     assert dict(matplotlib.rcParams) == before
 
 
+@pytest.mark.long
 def test_figures_grow_with_the_words_of_the_reader_who_may_give_their_size(tmp_path):
     solution = solved("pendulum")
     usual = plot.paths(solution, compare=False).figure.get_size_inches()
@@ -129,6 +132,7 @@ def test_free_coordinates_of_an_event_are_not_drawn():
     assert np.isnan(drawn(ax, "end")[1, 0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", ["png", pytest.param("pdf", marks=pytest.mark.slow)])
 def test_saved_pictures_have_a_size_and_open_no_window(tmp_path, ending):
     file = tmp_path / f"picture.{ending}"
@@ -167,6 +171,7 @@ def test_what_is_asked_twice_is_computed_once():
     assert found() is None
 
 
+@pytest.mark.long
 def test_events_between_the_ends_their_surfaces_and_impulses_are_drawn():
     """Two reflections between walls y = 0 and y = 1: arrows up and down."""
     free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
@@ -190,6 +195,7 @@ def test_events_between_the_ends_their_surfaces_and_impulses_are_drawn():
     assert p[1, at + 1] - p[1, at - 1] == pytest.approx(solution.impulses[:, 1])
 
 
+@pytest.mark.long
 def test_the_areas_of_a_path_of_given_integral_are_those_of_the_action():
     def ds(q, v, t):
         return np.sqrt(1 + v[0] ** 2)

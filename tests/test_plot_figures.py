@@ -64,6 +64,7 @@ MORE = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "figure"),
     [
@@ -104,6 +105,7 @@ def narrow(draw):
     return drawn[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "figure"),
     [
@@ -120,6 +122,7 @@ def test_a_narrow_picture_has_nothing_over_its_edge(name, figure):
     assert min(box.x0, box.y0, width - box.x1, height - box.y1) > -0.02
 
 
+@pytest.mark.long
 def test_the_colour_bar_of_a_saddle_has_ticks_on_either_side_of_zero():
     bar = plot.landscape(solved("oscillator_saddle")).child_axes[0]
     ticks, (low, high) = bar.get_yticks(), bar.get_ylim()
@@ -139,6 +142,7 @@ def test_energy_that_is_nothing_beside_its_parts_is_no_noise():
     assert high - low > 0.1 and max(abs(above.lines[0].get_ydata())) < 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "figure", ["bundle", *(pytest.param(x, marks=pytest.mark.slow) for x in ("overview", "fan"))]
 )
@@ -177,6 +181,7 @@ def test_what_cannot_be_drawn_is_refused():
         plot.spectrum(ao.solve(problem))
 
 
+@pytest.mark.long
 def test_where_a_constraint_leaves_one_curve_paths_are_told_apart_in_time():
     ax = plot.bundle(solved("rod_pendulum"))
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("time $t$", "$x$")
@@ -196,6 +201,12 @@ def contrast(colour, paper):
     return helpers.contrast(alpha * np.array(rgb) + (1 - alpha) * paper, paper)
 
 
+@pytest.mark.quick(
+    "bundle-dark_background",
+    "conserved-dark_background",
+    "family-default",
+    "family-dark_background",
+)
 @pytest.mark.parametrize("reader", ["default", "dark_background"])
 @pytest.mark.parametrize("figure", helpers.a_quarter([*FIGURES, "explore"], 1))
 def test_every_line_is_seen_on_light_and_on_dark_paper(figure, reader):
@@ -273,6 +284,7 @@ def test_the_energies_of_an_oscillator_and_a_charge():
     assert r"U_\mathrm{eff}(\dot q)" in plot.energies(solution).get_title()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     helpers.a_quarter(
@@ -299,6 +311,7 @@ def test_the_kinetic_energy_drawn_is_that_of_the_body_in_space(name):
     assert {"$T$", "$V$"} <= set(words)
 
 
+@pytest.mark.long
 def test_what_the_lagrangian_does_not_tell_is_not_named():
     words = [t.get_text() for t in plot.energies(solved("hoop_bead")).get_legend().get_texts()]
     assert "$T$" in words and "$V$" not in words  # V is said with an if
@@ -337,6 +350,16 @@ def test_what_is_conserved():
     np.testing.assert_allclose(plot.conserved_data(solved("kepler")).energy, fact, rtol=1e-6)
 
 
+@pytest.mark.quick(
+    "charge_planar",
+    "descent_through_gate",
+    "drag_linear",
+    "figure_eight",
+    "oscillator_2d",
+    "polar_pendulum",
+    "sliding_off_circle",
+    "two_on_a_line",
+)
 @pytest.mark.parametrize("name", helpers.a_quarter(scenes.SCENES, 2))
 def test_conserved_is_what_a_symmetry_keeps(name):
     """H if nothing depends on time and no force acts, the momenta of cyclic coordinates."""
@@ -384,6 +407,7 @@ def test_all_motions_of_an_oscillator_meet_after_half_a_period():
     np.testing.assert_allclose(data.neighbours[:, 0], expected, atol=1e-3)
 
 
+@pytest.mark.long
 def test_fronts_of_an_oscillator_are_hamiltons_principal_function():
     solution = solved("oscillator")
     data = plot.fronts_data(solution)
@@ -440,6 +464,7 @@ def test_motions_of_two_coordinates_spread_where_they_meet_again():
     assert spread[1, focus] < 0.03 * spread[1].max()
 
 
+@pytest.mark.long
 def test_the_spectrum_of_an_oscillator():
     data = plot.spectrum_data(solved("oscillator_saddle"), points=9)
     expected = np.array([k**2 - (data.durations / np.pi) ** 2 for k in (1, 2, 3)])
@@ -451,6 +476,7 @@ def test_the_spectrum_of_an_oscillator():
     assert [t.get_text() for t in ax.texts] == ["index 0", "1"]
 
 
+@pytest.mark.long
 def test_a_family_is_numbered_by_index_and_coloured_by_action():
     several = [solved("oscillator"), solved("oscillator_saddle")]
     t, paths, actions = plot.family_data(several, 5)
@@ -472,6 +498,7 @@ def test_the_mesh_is_the_solutions():
     assert below.get_ylim()[1] > degrees.max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("half_periods", [0.8, 1.3, 3.3, 14.4])
 def test_no_path_looks_like_a_maximum(half_periods):
     """At any index some neighbours raise S; at a saddle some lower it."""
@@ -493,6 +520,7 @@ def test_a_ripple_that_nobody_would_see_is_none(ripple, flat):
     assert data.flat == (True, flat)
 
 
+@pytest.mark.long
 def test_motions_that_run_away_leave_most_of_a_front():
     """Where x'' = x^3 the fast ones are at infinity before the end: they set out less fast then."""
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 4 / 4, ["x"])

@@ -11,6 +11,7 @@ from actionopt.plot import _style as style
 KINDS = [plot.paths, plot.bundle, plot.fan, plot.spectrum, plot.landscape, plot.energies]
 
 
+@pytest.mark.long
 def test_axes_in_a_grid_keep_their_size():
     figure = Figure((15, 7), layout="constrained")
     axes = figure.subplots(2, 3).ravel()
@@ -31,6 +32,7 @@ def test_a_second_call_explains_each_line_once():
     assert len(texts) == len(set(texts)) >= 3
 
 
+@pytest.mark.long
 def test_axes_of_the_wrong_kind_or_number_are_refused():
     with pytest.raises(ValueError, match="expected 2 axes for this figure, found 3"):
         plot.conserved(solved("pendulum"), Figure().subplots(3))
@@ -38,6 +40,7 @@ def test_axes_of_the_wrong_kind_or_number_are_refused():
         plot.energies(solved("pendulum"), Figure().add_subplot(projection="polar"))
 
 
+@pytest.mark.long
 def test_angular_momentum_is_drawn_where_it_is_conserved():
     solution = solved("kepler")
     data = plot.conserved_data(solution)

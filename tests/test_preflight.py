@@ -393,6 +393,7 @@ def test_an_event_where_a_force_is_infinite_is_named(force, where):
     refused(System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=force), match=where)
 
 
+@pytest.mark.long
 def test_derivatives_that_overflow_where_the_lagrangian_does_not():
     """That of 1 / cosh is sinh / cosh^2; written with exp(-|x|), it is solved: a wall to cross."""
     ends, width, height = (Event(0.0, [-1.0]), Event(1.0, [1.0])), 1e-3, 0.05

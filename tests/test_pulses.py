@@ -20,6 +20,7 @@ CENTRES = places(6)
 SYSTEMS = systems_of_pulses()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("width", "tol"),
     a_quarter([(0.001, 1e-3), (0.001, 1e-6), (0.0033, 1e-3), (0.001, 1e-10), (0.002, 1e-8)]),
@@ -32,6 +33,7 @@ def test_a_pulse_of_a_thousandth_is_not_missed(width, tol):
         assert np.max(np.abs(solution(t) - exact)) / np.max(np.abs(exact)) <= solution.error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "tol"), [(1e-4, 1e-9), (1e-6, 1e-3)])
 def test_a_pulse_narrower_than_all_samples_is_found_by_its_exponent(width, tol):
     t, c = np.linspace(0, 1, 4001), 0.38197
@@ -51,6 +53,7 @@ HIDDEN = {  # forces of the time, and their integrals
 }
 
 
+@pytest.mark.quick("power")
 @pytest.mark.parametrize("form", HIDDEN)
 def test_what_is_hidden_between_samples_changes_the_momentum(form):
     force, impulse = HIDDEN[form]
@@ -61,6 +64,7 @@ def test_what_is_hidden_between_samples_changes_the_momentum(form):
     assert change == pytest.approx(impulse, rel=1e-4)
 
 
+@pytest.mark.quick("17.0-5.0")
 @pytest.mark.parametrize(("T", "c"), [(7.0, 2.0), (17.0, 5.0), (1.0, 0.0), (1.0, 1.0)])
 def test_a_pulse_on_a_sample_or_at_an_end_is_found(T, c):
     """Its slope is zero there; of one at an end half is on the way."""
@@ -94,6 +98,7 @@ def test_a_hidden_step_and_a_hidden_kick_of_a_beam():
     assert solution.start.v == pytest.approx([slope], abs=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("c", "kick"), [(0.7690455418668206, 3.0), (0.7755937979243391, 0.3)])
 def test_a_kick_of_a_beam_is_summed_to_the_tolerance(c, kick):
     """By the closed form of a point load: its elements are as stiff as 1e15 of the beam.
@@ -127,6 +132,7 @@ def test_what_is_wide_needs_no_boundary():
         assert problem.boundaries == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tol", a_quarter([1e-9, 1e-3]))
 def test_a_pulse_on_a_pendulum_changes_its_momentum_by_one(tol):
     w = 0.001 / FWHM
@@ -149,6 +155,7 @@ def test_a_pulse_is_cut_out_at_once():
     assert 0.613 + w < cuts[2][1] < 0.613 + 0.02
 
 
+@pytest.mark.long
 def test_a_step_inside_an_element_takes_the_momentum_that_it_must():
     """The sums over a coarse element agree by chance with those of a path that loses too little."""
     c, w, height, tol = 0.7760217882743019, 1e-3, 0.3, 1e-3
@@ -172,6 +179,7 @@ def test_a_given_mesh_that_misses_a_pulse_has_the_error_of_it():
     assert solution.error >= true
 
 
+@pytest.mark.long
 def test_what_a_lagrangian_may_hide_is_read_off_it():
     samples = {name: scenes.get(name).problem.system.structure.samples for name in scenes.SCENES}
     assert samples["pendulum"] == samples["double_pendulum"] == samples["rod_pendulum"] == 0
@@ -213,6 +221,7 @@ def window(t, c, w):
 
 
 # With no boundary at the window two sums across it agree by chance for c = 0.7 and 1e-6.
+@pytest.mark.long
 @pytest.mark.parametrize("tol", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("c", [0.5154, 0.7])
 def test_a_window_is_a_kick_in_a_force_as_in_a_lagrangian(c, tol):
@@ -245,6 +254,7 @@ def test_a_kick_may_move_a_forced_path_far_when_it_is_seen():
     assert change == pytest.approx(kick + gravity, abs=1e-3)
 
 
+@pytest.mark.long
 def test_members_of_a_sweep_whose_pulse_gets_narrower_see_it():
     """Of the first member the pulse is wide, and no element has to end there."""
     c, widths = 0.4123, np.geomspace(1e-1, 1e-6, 6)[1:]
@@ -264,6 +274,7 @@ def test_members_of_a_sweep_whose_pulse_gets_narrower_see_it():
     assert np.max(np.abs(runs.momenta[:, 0, 0] - exact)) < 1e-8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("centre", "width", "size"), [(0.7, 3e-4, 1.0), (0.70008991, 1.09e-5, 6.1)]
 )

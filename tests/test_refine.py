@@ -42,6 +42,7 @@ def test_ends_that_are_conjugate_are_told():
     assert refine(ws, 1e-8, least=False) is Status.DEGENERATE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("amplitude", [1e-6, 1e-8])
 def test_a_small_motion_far_from_zero_between_conjugate_ends(amplitude):
     """Half a period about q = 5: what round-off is amplified to is little beside 5."""
@@ -57,6 +58,7 @@ def test_a_small_motion_far_from_zero_between_conjugate_ends(amplitude):
     assert found(t)[0] == pytest.approx(known, abs=1e-9 * amplitude + 1e-14)
 
 
+@pytest.mark.long
 def test_no_small_error_is_told_of_what_is_not_resolved():
     """q'' = |t - c|^(-1/2): the sums of the force hold at last, whatever they leave out."""
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] / np.sqrt(abs(t - 0.4321)), ["q"])
@@ -69,6 +71,7 @@ def test_no_small_error_is_told_of_what_is_not_resolved():
     assert not found.success or np.abs(found(t)[0] - known).max() <= found.error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("c", a_quarter([0.45, 0.25]))
 def test_a_pole_of_the_force_in_time_leaves_no_family_of_paths(c):
     """A free body that is pushed has one path between any ends, however the push is rounded."""
@@ -77,6 +80,7 @@ def test_a_pole_of_the_force_in_time_leaves_no_family_of_paths(c):
     assert ao.solve(problem, tol=1e-6, throw=False).status is Status.UNRESOLVED
 
 
+@pytest.mark.long
 def test_a_tolerance_below_amplified_rounding_is_told_at_once():
     """Swings that end a hair beyond the conjugate time: no mesh makes up for rounding."""
     pendulum = systems.pendulum()
@@ -118,6 +122,7 @@ def test_errors_on_a_given_mesh_are_not_below_the_truth(T, elements, degree):
     assert np.max(np.abs(solution(t)[0] - exact)) <= solution.error * np.max(np.abs(exact))
 
 
+@pytest.mark.long
 def test_a_kink_at_a_node_makes_no_family():
     """Second derivatives of arccos(cos(w q)) are none at its kinks; motions are two parabolas."""
     q0, q1, w = 0.48106614156157, -0.7633431982704673, 2.421292497240636

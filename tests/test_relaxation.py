@@ -72,6 +72,7 @@ def test_the_action_and_its_parts_along_a_known_path():
     assert data.target_action == pytest.approx(solution.action, rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["minimum", pytest.param("projectile", marks=pytest.mark.slow), "pendulum"]
 )
@@ -85,6 +86,7 @@ def test_descent_reaches_a_minimum(name):
     assert np.max(np.abs(data.target - solution(data.t))) < 1e-7
 
 
+@pytest.mark.long
 def test_descent_leaves_a_saddle_below_and_newton_does_not():
     solution = solved("saddle")
     assert solution.kind == "saddle"
@@ -108,6 +110,7 @@ def hill(stiff, force, start, end):
     return ao.solve(ao.Problem(system, start, end), tol=1e-11)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wave", [0, 2])
 def test_a_path_that_closes(wave):
     """x = cos(wt) / (1 + w^2), and on it waves of whole periods, each an eigenfunction."""
@@ -123,6 +126,7 @@ def test_a_path_that_closes(wave):
     assert data.residual[1] == pytest.approx(left, abs=1e-6)
 
 
+@pytest.mark.long
 def test_descent_goes_down_where_whole_steps_would_not():
     """Of a steep hill's second variation, 12 times the metric, a step may take a sixth."""
     data = relaxation_data(hill(100.0, 0.0, ao.Event(0.0, [1.0]), ao.Event(2.0, [0.5])))
@@ -130,6 +134,7 @@ def test_descent_goes_down_where_whole_steps_would_not():
     assert np.all(np.diff(data.action) < 0)
 
 
+@pytest.mark.long
 def test_the_start_is_the_same_always():
     first, again = (relaxation_data(solved("projectile"), steps=1) for _ in range(2))
     same_bits(first.paths, again.paths, because="the seed is fixed")
@@ -157,6 +162,7 @@ def drawn(ax, color):
     return [np.array(x.get_data()) for x in ax.lines if x.get_color() == color]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "method", "words"),
     [

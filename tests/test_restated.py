@@ -141,6 +141,7 @@ def compare(found, expected, rel=SAME, skip=(), roundoff=0.0):
         assert np.max(np.abs(got - wanted), initial=0.0) <= rel * size, (name, got, wanted)
 
 
+@pytest.mark.long
 @ALL
 def test_what_is_told_is_not_trivial(name):
     """Else nothing would follow from its being the same."""
@@ -150,6 +151,7 @@ def test_what_is_told_is_not_trivial(name):
     assert name != "rim" or list(known["lost"]) == [True]
 
 
+@pytest.mark.long
 @ALL
 def test_backwards_in_time(name):
     """L(q, -v, -t) between the ends exchanged: S(q0, t0, q1, t1) becomes S(q1, -t1, q0, -t0)."""
@@ -169,12 +171,14 @@ def test_backwards_in_time(name):
     compare(found, wanted, skip=("conjugate",))
 
 
+@pytest.mark.long
 @ALL
 def test_parameters_of_the_problem_instead_of_the_systems_own(name):
     """Where one is not handed on, the system's own value is taken."""
     compare(told(ao.solve(problem_of(name, own={"m": 1.0, "g": 4.0}), tol=1e-10)), base(name)[1])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["plane", "rim"])
 def test_in_the_other_order_of_the_coordinates(name):
     solution, known = base(name)
@@ -186,6 +190,7 @@ def test_in_the_other_order_of_the_coordinates(name):
     compare(told(other), wanted)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("unit", "way", "scale"),
     [((1e3, 0.02), 60.0, 3e-5), pytest.param((1e-2, 40.0), 1e-3, 7e4, marks=pytest.mark.slow)],
@@ -218,6 +223,7 @@ def test_in_other_units(name, unit, way, scale):
     compare(found, wanted, 10 * SAME)
 
 
+@pytest.mark.long
 @ALL
 def test_a_total_derivative_added(name):
     """L + dF/dt, F = sum (i + 2) q_i^2 t / 3 + sin(3 t): S + F(1) - F(0), p + F_q, H - F_t."""
@@ -252,6 +258,7 @@ def test_a_total_derivative_added(name):
     compare(found, wanted)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["swing", "plane"])
 def test_a_further_coordinate_that_takes_no_part(name):
     """An oscillator beside it, and the index, the times and the derivatives of both together."""

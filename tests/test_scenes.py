@@ -70,6 +70,16 @@ def of_scenes(holds=lambda scene: True):
     return add
 
 
+@pytest.mark.quick(
+    "chain_on_floor-changed",
+    "kepler_spherical-default",
+    "rolling_cylinder-changed",
+    "rotating_frame_bound-changed",
+    "rotating_frame_free-changed",
+    "sliding_wedge-changed",
+    "smoothest_way-changed",
+    "way_round_ball-changed",
+)
 @pytest.mark.parametrize("row", ROWS, ids=named)
 def test_what_a_scene_knows_is_so(row):
     """Whatever is marked `of_scenes`: a test of each would take longer to be reported than run."""
@@ -206,6 +216,7 @@ def states(scene):
     return *np.split(run.y, 2), t
 
 
+@pytest.mark.long
 def test_the_catalogue_is_the_list_of_files():
     assert {"projectile", "oscillator", "pendulum", "kepler", "chain"} <= set(scenes.SCENES)
     assert list(scenes.SCENES) == sorted(scenes.SCENES)
@@ -258,6 +269,7 @@ def facts_are_attributes_and_a_mapping_of_what_is_known(scene):
     assert "numbers" not in facts and facts.get("flat") is None
 
 
+@pytest.mark.long
 def test_names_and_defaults_are_those_of_one_signature():
     assert scenes.parameters("chain")["fraction"] == 0.24
     assert scenes.parameters("kepler_polar") == scenes.parameters("kepler")
@@ -459,6 +471,7 @@ def action_in_closed_form_is_the_integral_of_the_lagrangian(scene):
     assert abs(S - scene.action) < FORMULA_TOLERANCE * max(1.0, np.max(np.abs(L)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "changed"),
     [
@@ -690,6 +703,11 @@ def test_values_that_a_scene_cannot_compute_with_are_refused(value):
         scenes.get("pendulum", g=value)
 
 
+@pytest.mark.quick(
+    "light_around_star-changes1-84.8553103202039",
+    "great_ellipse-changes2-5549681.852370944",
+    "brachistochrone-changes3-2.9698484809835",
+)
 @pytest.mark.parametrize(
     ("name", "changes", "length"),
     [
@@ -720,6 +738,7 @@ def test_a_whole_kink_and_the_goldschmidt_limit():
     assert abs(near.facts["area"] - 2 * np.pi) < 1e-12  # as much as the two discs
 
 
+@pytest.mark.quick("pendulum_over_top", "throw_at_energy")
 @pytest.mark.parametrize("name", ["kepler_at_energy", "pendulum_over_top", "throw_at_energy"])
 def test_a_given_energy_has_the_duration_that_is_known(name):
     """Found from the energy and the ends: elliptic integrals, a quadratic equation, Kepler's."""
@@ -735,6 +754,7 @@ def test_a_given_energy_has_the_duration_that_is_known(name):
     assert abs(again.duration / found.duration - 1) < 1e-11
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "parts"), [("henon_heiles", 6), ("lyapunov_orbit", 4)])
 def test_mirror_images_close_the_loop(name, parts):
     """The whole loop returns from its start, once a part has been found."""
@@ -749,6 +769,7 @@ def test_mirror_images_close_the_loop(name, parts):
     assert np.max(np.abs(whole.velocity(T) - part.start.v)) < 1e-9
 
 
+@pytest.mark.long
 def test_a_choreography_closes_in_another_order():
     """The largest Floquet exponent, e-folds a period, is that of the source of the numbers."""
     scene = made("four_on_an_eight", False)

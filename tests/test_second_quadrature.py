@@ -40,6 +40,7 @@ def test_other_points_integrate_the_same_polynomials(degree):
     assert other.nodes.size > rule.nodes.size
 
 
+@pytest.mark.quick("124.0-0.01", "124.0-1e-06", "124.0-1e-09")
 @pytest.mark.parametrize("tol", [1e-2, 1e-4, 1e-6, 1e-9])
 @pytest.mark.parametrize("w", a_quarter([124.0, 61.0, 284.0, 300.0]))
 def test_a_fast_force_is_not_mistaken_for_a_slow_one(w, tol):
@@ -50,6 +51,7 @@ def test_a_fast_force_is_not_mistaken_for_a_slow_one(w, tol):
     assert relative(ao.solve(problem, tol=tol), exact) <= tol
 
 
+@pytest.mark.long
 def test_a_wall_across_a_rail_is_seen_as_without_the_rail():
     """On the line y = 2 x the inertia is five times that of x."""
     wall = lambda x: 10 * x - 0.1 * np.tanh((x - 0.3) / 0.01)  # noqa: E731
@@ -69,6 +71,7 @@ def test_a_jump_at_a_boundary_of_elements_is_seen():
     assert relative(solution, exact) <= min(1e-6, solution.error)
 
 
+@pytest.mark.quick("10.0-50.0-0.0001", "10.0-50.0-1e-08")
 @pytest.mark.parametrize("tol", [1e-4, 1e-8])
 @pytest.mark.parametrize(("c", "w"), [(10.0, 50.0), (100.0, 300.0)])
 def test_a_total_time_derivative_changes_nothing(c, w, tol):
@@ -188,6 +191,7 @@ def test_terms_of_the_time_alone_count_in_the_actions_of_a_family():
     np.testing.assert_allclose(found.action, 47 / 24 + np.sin(speeds) / (2 * speeds), rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_term_of_the_time_alone_whose_integral_is_infinite_is_not_solved():
     fall = line(lambda q, v, t: v @ v / 2 + 1 / (t - 0.45) ** 2 + q[0], 1.0, 2.0)
     assert not ao.solve(fall, throw=False).success

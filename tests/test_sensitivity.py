@@ -52,6 +52,7 @@ def scale(solution):
     return abs(solution.action) + np.max(np.abs(solution.energy(solution.mesh.nodes)))
 
 
+@pytest.mark.long
 def test_ends_against_differences(solution):
     found = solution.sensitivity()
     n = solution.problem.system.n
@@ -64,6 +65,7 @@ def test_ends_against_differences(solution):
             assert derivative == pytest.approx(expected, abs=FIRST_TOLERANCE * scale(solution))
 
 
+@pytest.mark.quick("rotating_frame_bound")
 def test_times_against_differences(solution):
     found = solution.sensitivity()
     T = solution.problem.duration
@@ -72,6 +74,7 @@ def test_times_against_differences(solution):
         assert value == pytest.approx(expected, abs=FIRST_TOLERANCE * scale(solution))
 
 
+@pytest.mark.long
 def test_parameters_against_differences(solution):
     found = solution.sensitivity()
     for name, value in solution.problem.parameters.items():
@@ -98,6 +101,7 @@ def test_identities_of_hamilton_and_jacobi(solution):
     assert found.q1 == pytest.approx(p[1], abs=100 * size)
 
 
+@pytest.mark.long
 def test_second_derivatives_against_differences_of_momenta(solution):
     found = solution.sensitivity()
     n = solution.problem.system.n
@@ -140,6 +144,7 @@ def test_oscillator(m, w, T):
     assert found.van_vleck == pytest.approx(m * w / s, rel=1e-10)
 
 
+@pytest.mark.long
 def test_free_coordinates_have_no_derivative():
     system = ao.System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - q[0] * q[1] / 4, ["x", "y"])
     problem = ao.Problem(system, ao.Event(0.0, [0.0, None]), ao.Event(1.0, [1.0, 2.0]))
@@ -156,6 +161,7 @@ def test_free_coordinates_have_no_derivative():
     assert found.q0q0[0, 0] == pytest.approx(second, rel=1e-5)
 
 
+@pytest.mark.long
 def test_each_entry_of_a_matrix_has_its_own_derivative():
     def lagrangian(q, v, t, *, M):
         coupled = M[0, 1] * q[0] + M[1, 0] * q[1] + M[0, 2] * q[0] * q[1] + M[1, 2] * v[0] * q[1]
@@ -255,6 +261,7 @@ def _switch(t0, t, when):
     return found, [s.t0, s.through_t[0], s.parameters["when"]]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("question", "values", "end"),
     [
@@ -279,6 +286,7 @@ def test_derivatives_by_events_between_the_ends_are_those_of_the_action(question
         assert change / (2 * h) == pytest.approx(found, abs=1e-6)
 
 
+@pytest.mark.long
 def test_a_waypoint_on_a_constraint_moves_along_it():
     """On a circle that grows: the impulse has no part along its normal."""
     system = ao.System(

@@ -136,6 +136,7 @@ def test_the_action_tells_a_leap_among_momenta_that_change_as_much():
     assert np.flatnonzero(leaps(S, p, x, 0)).tolist() == [19]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "values"),
     [

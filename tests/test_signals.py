@@ -125,6 +125,7 @@ def singular():
     raise np.linalg.LinAlgError("the matrix is not finite")
 
 
+@pytest.mark.quick("2-infinite")
 @ALL
 @pytest.mark.parametrize("first", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_singular_matrices_end_in_a_verdict(monkeypatch, name, first):
@@ -159,6 +160,7 @@ def test_nothing_is_sought_once_the_time_is_up(monkeypatch, name, last):
     assert found.success or found.status is ao.Status.OUT_OF_TIME
 
 
+@pytest.mark.long
 def test_a_guess_is_worth_no_search_of_its_own(monkeypatch):
     """Where nothing is near a guess, no other first path to the surface is made."""
     spring = systems.oscillator()

@@ -29,6 +29,7 @@ def near(found, known):
     return np.max(np.abs(found - known)) <= EXACT * max(1.0, np.max(np.abs(known)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("w", "mass", "T"), [(1.0, 1.0, 2.0), (2.3, 0.4, 4.5)])
 def test_oscillator(w, mass, T):
     a, b = 1.0, -0.4
@@ -54,6 +55,7 @@ def bratu(T):
     return simple.solve(lambda q, v, t: v[0] ** 2 / 2 - np.exp(q[0]), (0.0, [0.0]), (T, [0.0]))
 
 
+@pytest.mark.long
 def test_what_has_no_answer():
     with pytest.raises(np.linalg.LinAlgError):  # where it starts does not matter
         simple.solve(lambda q, v, t: v[0] ** 2, (0.0, [None]), (1.0, [None]), elements=1, degree=1)
@@ -132,6 +134,7 @@ CASES = {
 }
 
 
+@pytest.mark.quick("a rod that is lifted")
 @pytest.mark.parametrize("case", a_quarter(CASES))
 def test_the_package_agrees_to_rounding_on_the_same_mesh(case):
     lagrangian, q0, q1, given = CASES[case]

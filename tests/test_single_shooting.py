@@ -21,6 +21,7 @@ def test_a_motion_of_the_energy_that_returns_is_found_where_paths_over_durations
     assert abs(solution.velocity(0.0)[0]) == pytest.approx(1.0, rel=1e-8)
 
 
+@pytest.mark.long
 def test_a_longer_transfer_of_given_energy_is_found_as_a_motion():
     def potential(q):
         return (q[0] ** 2 + 1.7 * q[1] ** 2 + q[0] ** 2 * q[1]) / 2
@@ -37,6 +38,7 @@ def test_a_longer_transfer_of_given_energy_is_found_as_a_motion():
     assert start.v @ start.v / 2 + potential(start.q) == pytest.approx(energy, rel=1e-6)
 
 
+@pytest.mark.long
 def test_motions_that_a_potential_turns_back_are_given_up(monkeypatch):
     spans = []
 

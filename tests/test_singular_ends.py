@@ -64,6 +64,7 @@ def test_the_bounce_is_among_all_paths():
     assert any(abs(path.action - 94.958199565145) < 1e-8 for path in found)
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_focal_points_are_zeros_of_bessel_functions(k):
     """u'' + k u' / r + u = 0: J0, sin r / r and J1 / r; tables of their zeros."""
@@ -148,6 +149,7 @@ def radial_equation(k):
     )
 
 
+@pytest.mark.quick("1e-10-1.0-0.7")
 @pytest.mark.parametrize("x, depth", [(1.0, 0.7), (2.0, 0.4)])
 @pytest.mark.parametrize("tol", [1e-6, 1e-10])
 def test_a_fall_from_rest_is_a_cycloid(x, depth, tol):
@@ -161,6 +163,7 @@ def test_a_fall_from_rest_is_a_cycloid(x, depth, tol):
     assert fall.compare().agrees is not False
 
 
+@pytest.mark.long
 def test_a_fall_that_is_run_backwards_is_the_same():
     R, angle = roll(1.0, 0.7)
     up = ao.solve(ao.Problem(BRACHISTOCHRONE, ao.Event(0, [1, 0.7]), ao.Event(1, [0, 0])), tol=1e-9)
@@ -198,6 +201,7 @@ def test_a_fall_through_a_point_is_two_cycloids():
     assert np.abs(fall.legs[0](0.0)).max() < 1e-15
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", [1, 2])
 def test_an_atom_begins_where_its_potential_is_infinite(n):
     """Griffiths, *Quantum Mechanics*, 4.2: 2 r exp(-r), and r (1 - r / 2) exp(-r / 2) / sqrt 2."""
@@ -221,6 +225,7 @@ def test_where_inertia_vanishes_and_a_force_is_infinite():
     assert np.abs(found(t)[0] - jv(1, t)).max() < 1e-11
 
 
+@pytest.mark.long
 def test_conjugate_points_of_paths_from_singular_ends():
     """u'' = -2 u / r, u = sqrt(r) J_1(sqrt(8 r)); infinite inertia has none, and a sentence."""
     radial = ao.System(lambda q, v, r: v[0] ** 2 / 2 - q[0] ** 2 / r, ["u"])
@@ -232,6 +237,7 @@ def test_conjugate_points_of_paths_from_singular_ends():
         ao.conjugate_points(ao.solve(ao.Problem(fall, ao.Event(0, [0]), ao.Event(1, [1]))))
 
 
+@pytest.mark.long
 def test_a_path_from_a_singular_place_is_kept_in_files(tmp_path):
     fall = ao.solve(ao.Problem(BRACHISTOCHRONE, REST, ao.Event(1, [1, 0.7])))
     fall.save(tmp_path / "fall.npz")

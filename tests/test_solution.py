@@ -99,6 +99,7 @@ def test_pointwise_quantities_are_those_of_the_system(rod):
     assert rod.energy(t) == pytest.approx(m * np.sum(v**2, axis=0) / 2 + m * g * q[1], rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["kepler", "rod_pendulum", "turning_wire", "oscillating_wall"])
 def test_velocities_at_the_ends_are_superconvergent(name):
     scene = scenes.get(name)
@@ -123,6 +124,7 @@ def test_velocities_at_the_ends_are_superconvergent(name):
     assert fine[0] < fine[1] / 30
 
 
+@pytest.mark.long
 def test_momenta_are_derivatives_of_the_action():
     # p0 = -dS/dq0, p1 = dS/dq1 and dS/dt1 = -H(t1), by differences of solved problems.
     scene = scenes.get("kepler")
@@ -170,6 +172,7 @@ def has_known_multipliers(name):
     return scene.exact is not None and "multipliers" in scene.facts
 
 
+@pytest.mark.quick("rod_pendulum", "rolling_cylinder", "sliding_off_circle", "turning_wire")
 @pytest.mark.parametrize("name", list(filter(has_known_multipliers, scenes.SCENES)))
 def test_multipliers_are_those_of_the_book(name):
     scene = scenes.get(name)
@@ -204,6 +207,7 @@ def test_numbers_cannot_be_overwritten(rod, kepler):
         kepler.action = 0.0
 
 
+@pytest.mark.long
 def test_a_deep_copy_says_the_same_and_shares_only_the_system(rod, kepler):
     for solution in (rod, kepler):
         assert solution.momenta and solution.compare().agrees  # kept, and so copied

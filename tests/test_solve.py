@@ -51,6 +51,7 @@ def test_past_a_conjugate_point_nothing_is_least(T):
     assert ao.solve(scenes.get("oscillator", duration=3.0).problem, principle="least").success
 
 
+@pytest.mark.quick("ends0-1", "ends0-3", "ends1-1", "ends1-3", "ends2-1")
 @pytest.mark.parametrize("half_periods", [1, 3])
 @pytest.mark.parametrize("ends", [(1.0, 0.5), (0.0, 0.0), (1.0, -1.0)])
 def test_an_end_conjugate_to_the_start_is_diagnosed(half_periods, ends):
@@ -64,6 +65,7 @@ def test_an_end_conjugate_to_the_start_is_diagnosed(half_periods, ends):
     assert ao.solve(problem, throw=False).status is Status.DEGENERATE
 
 
+@pytest.mark.long
 def test_round_off_that_forbids_the_tolerance_is_said():
     """An end point is amplified by 1 / sin(w T), 1e5 to 1e7, along the path."""
     system = scenes.get("oscillator").problem.system
@@ -89,6 +91,7 @@ def test_round_off_that_forbids_the_tolerance_is_said():
 # -- order, and what is conserved on any mesh -----------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["pendulum", "rod_pendulum"])
 @pytest.mark.parametrize(("degree", "counts"), [(1, (32, 128)), (2, (12, 48)), (3, (6, 16))])
 def test_order_at_the_element_ends(name, degree, counts):
@@ -107,6 +110,7 @@ def test_order_at_the_element_ends(name, degree, counts):
 # -- nothing is done twice ------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_another_solve_derives_nothing(monkeypatch):
     def swing(q, v, t, *, l, g):
         return (l * v[0]) ** 2 / 2 + g * l * np.cos(q[0])
@@ -197,6 +201,7 @@ def with_a_free_end():
     return System(attracted, ["x", "y"]), flow, [1.0, 0.3], [-0.4, None], ends
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", [dragged(0.3), dragged(2.0), with_a_free_end()])
 def test_against_another_solver(case):
     system, flow, start, end, ends = case
@@ -241,6 +246,7 @@ GUESSES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", a_quarter(GUESSES, 1))
 def test_the_path_near_the_guess_is_found(kind):
     t = times(orbit())
@@ -274,6 +280,7 @@ for name in ("double_pendulum", "rod_pendulum", "drag_quadratic", "kepler", "osc
 """
 
 
+@pytest.mark.long
 def test_bit_identical_across_processes(capsys):
     command = [sys.executable, "-c", FINGERPRINT]
     other = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -286,6 +293,7 @@ def numbers(s):
     return s.path.values, s.mesh.boundaries, s.lam, s.start.v, np.array([s.action, s.error])
 
 
+@pytest.mark.quick("drag_quadratic")
 @pytest.mark.parametrize("name", ["double_pendulum", "rod_pendulum", "drag_quadratic", "kepler"])
 def test_bit_identical_within_a_process(name):
     scene = scenes.get(name)
@@ -303,6 +311,7 @@ def in_units(name, length, time, mass):
     return scenes.get(name, m=mass, l=length, g=gravity, since=0.125 * time, duration=time)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("base", [10.0**12, 2.0**40], ids=["decimal", "binary"])
 @pytest.mark.parametrize("name", a_quarter(["rod_pendulum", "kepler", "pendulum"]))
 def test_units_do_not_matter(name, base):
@@ -320,6 +329,7 @@ def test_units_do_not_matter(name, base):
     assert np.ptp(counts, axis=0).max() <= 1, counts
 
 
+@pytest.mark.long
 def test_binary_units_do_not_change_a_bit():
     def duffing(length, time, mass):
         return Problem(
@@ -365,6 +375,14 @@ def measured(name):
     return rows
 
 
+@pytest.mark.quick(
+    "driven_oscillator",
+    "oscillator_gauge",
+    "projectile",
+    "rolling_cylinder",
+    "rotating_frame_bound",
+    "sliding_wedge",
+)
 @pytest.mark.parametrize("name", a_quarter(KNOWN, 2))
 def test_every_known_path_is_met_to_every_tolerance(name):
     for tol, error, estimate, status in measured(name):
@@ -373,6 +391,7 @@ def test_every_known_path_is_met_to_every_tolerance(name):
         assert estimate <= tol
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.slow)])
 def test_the_estimate_is_calibrated(every):
     rows = [row for name in KNOWN[2 % every :: every] for row in measured(name)]  # as above
@@ -403,6 +422,7 @@ def impossible():
     return systems.bratu(5.0)
 
 
+@pytest.mark.long
 def test_no_path_is_said_and_the_best_attempt_comes_along():
     with pytest.raises(SolveError, match="no stationary path was found") as f:
         ao.solve(impossible())
@@ -416,6 +436,7 @@ def test_no_path_is_said_and_the_best_attempt_comes_along():
     assert attempt.stats["rounds"] == [] or attempt.stats["rung"]
 
 
+@pytest.mark.long
 def test_a_saddle_is_not_least():
     # The hoop's bead has a least path, and another one that is only stationary.
     scene = scenes.get("hoop_bead")
@@ -430,6 +451,7 @@ def test_a_saddle_is_not_least():
 # -- interrupts -----------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("_action_and_gradient-stationary", "second-stationary", "place-stationary")
 @pytest.mark.parametrize("principle", ["least", "stationary"])
 @pytest.mark.parametrize("method", ["_action_and_gradient", "second", "place"])
 def test_an_interrupt_ends_the_solve(monkeypatch, principle, method):
@@ -455,6 +477,7 @@ OSCILLATOR = systems.oscillator()
 # -- what was once wrong --------------------------------------------------------------------------
 
 
+@pytest.mark.quick("1.0")
 @pytest.mark.parametrize(
     "T", [1.0, 10.0, *(pytest.param(T, marks=pytest.mark.slow) for T in (3.0, 6.0))]
 )
@@ -468,6 +491,7 @@ def test_a_mass_matrix_need_not_be_positive(T):
     assert solution.compare().agrees
 
 
+@pytest.mark.long
 def test_a_mesh_of_the_highest_degree_is_compared_with_one_in_halves():
     problem = Problem(OSCILLATOR, Event(0, [1.0]), Event(40.0, [0.5]))
     solution = ao.solve(problem, mesh=ao.Mesh([0.0, 40.0], 64))
@@ -505,6 +529,7 @@ def test_one_element_with_nothing_free_and_a_constraint():
     assert np.array_equal(solution.path.values, [[0, 1], [0, 1]])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_index_on_a_mesh_of_low_degree_takes_no_more_than_raising_it(degree):
     # Fields on elements of degree 1 have no coefficients that could decay.
@@ -555,6 +580,7 @@ def test_what_is_given_without_its_name_is_refused():
         ao.solve(ao.Problem(system, start, end), 1e-6)
 
 
+@pytest.mark.long
 def test_a_pendulum_of_many_links_has_a_least_path():
     """Past conjugate times of its small swings; the motion itself is the oracle."""
     first = np.linspace(0.05, 0.15, 12)

@@ -84,6 +84,7 @@ def saved(solution, file, **changes):
 # -- there and back -------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_scene_comes_back_whole(of_a_scene, tmp_path):
     file = saved(of_a_scene, tmp_path / "solution.npz")
     for system in (None, of_a_scene.problem.system.name, of_a_scene.problem.system):
@@ -92,6 +93,7 @@ def test_a_scene_comes_back_whole(of_a_scene, tmp_path):
         assert_same_physics(loaded, of_a_scene)
 
 
+@pytest.mark.long
 def test_a_system_of_ones_own_is_supplied_again(own, tmp_path):
     file = tmp_path / "own.npz"
     own.save(str(file))
@@ -191,6 +193,7 @@ def _through():
     yield Problem(rope, Event(0, [0]), Event(2, [0.4]), integral=2.6), rope
 
 
+@pytest.mark.quick("problem0-system0", "problem1-system1")
 @pytest.mark.parametrize(("problem", "system"), [*_through()])
 def test_events_between_the_ends_and_integrals_come_back(problem, system, tmp_path):
     file, solution = tmp_path / "through.npz", ao.solve(problem)
@@ -252,6 +255,7 @@ def _higher():
     yield Problem(bent, leave, arrive, integral=0.2), bent
 
 
+@pytest.mark.quick("problem4-system4", "problem6-system6")
 @pytest.mark.parametrize(("problem", "system"), [*_higher()])
 def test_accelerations_come_back(problem, system, tmp_path):
     file, solution = tmp_path / "higher.npz", ao.solve(problem)
@@ -538,6 +542,7 @@ def test_figures_are_for_reading_and_no_guess_needs_them(own, stats, tmp_path):
     assert ao.solve(own.problem, guess=loaded, tol=1e-9).success
 
 
+@pytest.mark.long
 def test_coarse_paths_and_paths_at_rest_pass(tmp_path):
     # The momentum's velocity is far from the polynomial's, or both are zero up to rounding.
     fall = System(lambda q, v, t: v[0] ** 2 / 2 - abs(q[0]), ["x"])
@@ -601,6 +606,7 @@ ROUNDED = [  # system, last time, array, how it is changed by some number: a fit
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("system", "T", "name", "change", "little", "much"), ROUNDED)
 def test_sums_may_be_rounded_by_the_size_of_their_terms(
     system, T, name, change, little, much, tmp_path

@@ -29,6 +29,7 @@ def test_the_ladder_names_each_way_once():
     assert {strategy.name for strategy in IPOPT} < set(names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", ["pendulum", "rod_pendulum", "oscillator", "damped_oscillator"])
 def test_ipopt_alone_finds_the_same_path(scene):
     scene = scenes.get(scene)
@@ -43,6 +44,7 @@ def test_ipopt_alone_finds_the_same_path(scene):
         ao.solve(scene.problem, method="newton")
 
 
+@pytest.mark.long
 def test_ten_to_twenty_coordinates_have_a_root_search():
     """A Toda lattice: too few masses for steps place by place, too many for motions that meet."""
 
@@ -90,6 +92,7 @@ def test_a_curved_attempt_that_fails_leaves_no_trace(monkeypatch):
     assert solution.stats["iterations"] == {"newton": 1} and len(solution.stats["rounds"]) == 1
 
 
+@pytest.mark.quick("0.01-6", "1e-05-8", "1e-09-12")
 @pytest.mark.parametrize(("tol", "degree"), [(1e-2, 6), (1e-5, 8), (1e-9, 12), (1e-13, 17)])
 def test_the_first_mesh_has_about_a_degree_for_each_digit(tol, degree):
     def first(name):
@@ -122,6 +125,7 @@ def test_a_guess_is_tried_on_meshes_that_show_it():
     assert tried(lambda mesh: Path.interpolate(kinks, mesh)) == GUESS_MESHES
 
 
+@pytest.mark.long
 def test_a_guess_in_many_coordinates_is_followed_on_few_elements_that_show_it():
     def lagrangian(q, v, t):
         d = q[1:] - q[:-1]
@@ -147,6 +151,7 @@ def test_a_guess_in_many_coordinates_is_followed_on_few_elements_that_show_it():
     assert elements(0.02, 1e-3) > COARSE_GUESS[-1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("points", [None, 9])
 def test_a_motion_given_as_the_guess_is_followed_on_no_finer_mesh_than_without_one(points):
     problem = scenes.get("pendulum").problem
@@ -159,6 +164,7 @@ def test_a_motion_given_as_the_guess_is_followed_on_no_finer_mesh_than_without_o
         assert near.stats["rung"] == "guess" and abs(near.action - alone.action) < tol
 
 
+@pytest.mark.long
 def test_waypoints_that_miss_the_turns_lead_to_the_path_through_them():
     """Nine points of ten swings ended unresolved, after three meshes and a homotopy on each."""
     problem = scenes.get("pendulum", duration=20.0).problem
@@ -191,6 +197,7 @@ def test_with_a_saddle_in_hand_each_way_has_its_own_price():
     assert search._is_exhausted
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("duration", "least"), [(1.0, True), (2.5, True), (7.5, False)])
 def test_least_first_and_a_saddle_where_there_is_none(duration, least):
     # A stiffening spring: past the first conjugate time the action is unbounded below.
@@ -214,6 +221,7 @@ def halves(q_from, amplitude):
     return [quad(f, 0, top)[0] for f in (lambda u: 2 * u / speed(u), lambda u: 2 * u * speed(u))]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("principle", ["auto", "least"])
 def test_a_saddle_that_newton_finds_gives_way_to_a_least_path(principle):
     """Up beyond the horizontal and back to the same angle: S from the pendulum's quadratures."""

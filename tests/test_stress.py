@@ -24,6 +24,9 @@ from benchmarks.stress.tally import all_solved, judged, never_wrong, row
 WIDTH = 0.002 / pulses.FWHM
 
 
+@pytest.mark.quick(
+    "threads", "random_systems", "sweeps", "closed", "billiards", "borders", "normals", "barriers"
+)
 @pytest.mark.parametrize("name", FAMILIES)
 def test_the_questions_of_a_family_can_be_asked(name):
     questions = [case.build for case in FAMILIES[name].cases(quick=True) if case.build]
@@ -43,6 +46,7 @@ def missing_the_pulse(c):
     return replace(coarse, status=ao.Status.SOLVED, error=1e-9)
 
 
+@pytest.mark.long
 def test_a_pulse_that_is_missed_is_counted():
     c, tol = 0.613, 1e-6
     exact = pulses.closed_form(c, WIDTH)
@@ -56,6 +60,7 @@ def test_a_pulse_that_is_missed_is_counted():
     assert never_wrong("any", [row(found[:1])]).met
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("k", [0, 3])
 def test_a_fence_that_is_off_is_counted(k):
     made, rough = borders.fence(k)
@@ -70,6 +75,7 @@ def test_a_fence_that_is_off_is_counted(k):
     assert a == pytest.approx(0.9 * np.array([v[1], -v[0]]), abs=1e-9)  # of L + kappa g
 
 
+@pytest.mark.long
 def test_an_answer_with_no_motion_near_it_is_wrong():
     solution, spent = timed(pulses.kicked("pendulum", 0.613, WIDTH), 1e-6)
     outcome = judged(solution, lambda s: np.nan, 1e-6, spent)
@@ -77,6 +83,7 @@ def test_an_answer_with_no_motion_near_it_is_wrong():
     assert row([outcome])["of_tol"] == np.inf
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", pulses.WALLS)
 def test_the_time_of_flight_across_a_wall(name):
     x, t = pulses.flight(pulses.WALLS[name], -0.3, 0.4)
@@ -111,6 +118,7 @@ def test_many_solves_in_a_row_are_told_as_many():
     )
 
 
+@pytest.mark.quick("pendulum of many turns")
 @pytest.mark.parametrize("name", origins.places())
 def test_a_shifted_path_that_is_off_is_wrong(name):
     place, tol = origins.places()[name], 1e-9
@@ -147,6 +155,7 @@ def test_one_different_bit_in_one_thread_is_counted():
     assert threads.compared([bits, bits], [[bits, bits], [bits, other]]) == 1
 
 
+@pytest.mark.long
 def test_few_threads_find_the_same_bits():
     counted = threads.solving("rod", 3, threads=2)[0]
     assert (counted["count"], counted["solved"], counted["wrong"]) == (6, 6, 0)
@@ -168,6 +177,7 @@ def test_the_equations_by_hand_are_those_of_the_lagrangian():
         assert case.acceleration(q, v, t) == pytest.approx(known, rel=1e-11, abs=1e-11)
 
 
+@pytest.mark.long
 def test_an_answer_beside_the_motion_of_a_random_system_is_wrong():
     tol = random_systems.TOL
     for case, problem in systems_of(2):
@@ -183,6 +193,7 @@ def test_an_answer_beside_the_motion_of_a_random_system_is_wrong():
                 assert outcome.error == pytest.approx(by / size * np.max(4 * s * (1 - s)), rel=1e-2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["throw", "over", "transfer", "well"])
 def test_a_duration_that_is_off_is_counted(kind):
     rows = [{"case": f"{kind} 0", **row} for row in energies.KINDS[kind](0)]

@@ -79,6 +79,7 @@ def test_there_are_forty_families_and_every_kind_of_trouble():
     assert sum(set(family.tags) <= {"several optima"} for family in suite.FAMILIES.values()) >= 25
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["hoop_bead", "rod_pendulum"])
 def test_units_of_many_sizes_change_the_numbers_and_not_the_optimum(name):
     easy, hard = suite.get(name), suite.get(name, decades=8)
@@ -97,6 +98,16 @@ def test_units_of_many_sizes_change_the_numbers_and_not_the_optimum(name):
     assert hard.distance(hard.start("near")) <= 1.001e-3
 
 
+@pytest.mark.quick(
+    "inverted_cone",
+    "rotating_frame_free",
+    "rod_pendulum_scaled",
+    "wall_past",
+    "two_on_a_line_past",
+    "oscillator_nearly_conjugate",
+    "kepler_planet",
+    "polar_pendulum_redundant",
+)
 @pytest.mark.parametrize("name", a_quarter(NAMES, 2))
 def test_derivatives_agree_with_differences(name):
     problem = suite.get(name)
@@ -142,6 +153,16 @@ def test_multipliers_are_left_alone_where_the_gradient_is_not_known(bad, monkeyp
     assert stars.least_multipliers(tr, x).any() == (bad == 0)
 
 
+@pytest.mark.quick(
+    "oscillator",
+    "driven_oscillator",
+    "sliding_wedge",
+    "turning_wire_radial",
+    "oscillator_past",
+    "oscillator_gauge_past",
+    "charge_spatial_past",
+    "pendulum_over_the_top",
+)
 @pytest.mark.parametrize("name", a_quarter(name for name in NAMES if name not in HELD))
 def test_stars_satisfy_the_conditions_of_kuhn_and_tucker(name):
     problem = suite.get(name)
@@ -165,6 +186,16 @@ SIZES = {name: (p := suite.get(name)).n + p.m for name in NAMES}
 LARGE = [name for name, size in SIZES.items() if DENSE < size <= 2200]
 
 
+@pytest.mark.quick(
+    "oscillator_2d",
+    "hoop_bead",
+    "rotating_frame_bound",
+    "pendulum_scaled",
+    "oscillator_2d_past",
+    "driven_oscillator_past",
+    "oscillator_conjugate",
+    "oscillator_atomic",
+)
 @pytest.mark.parametrize(
     "name",
     [
@@ -226,6 +257,7 @@ def test_the_discrete_optimum_tends_to_the_path_at_twice_the_degree():
     assert np.all(np.abs(orders - 4) < 0.3)
 
 
+@pytest.mark.long
 def test_how_each_answer_is_known():
     assert suite.get("figure_eight").continuous.how == "literature"
     assert suite.get("double_pendulum").continuous.how == "high precision"
@@ -247,6 +279,7 @@ def test_convex_with_bounds_is_convex():
     assert suite.get("string_floor_bounds").convex and suite.get("string_floor").convex
 
 
+@pytest.mark.long
 def test_degenerate_members_say_so():
     assert len(suite.find(tags="LICQ fails")) == 4 and len(suite.find(tags="MFCQ fails")) == 3
     for name in suite.find(tags="LICQ fails"):
@@ -265,6 +298,7 @@ def test_several_optima_are_tagged(name):
     assert (len(minima) > 1) == ("several optima" in problem.tags)
 
 
+@pytest.mark.long
 def test_the_lower_minimum_of_the_figure_of_eight_is_known():
     problem = suite.get("figure_eight")
     assert problem.lowest == pytest.approx(7.67938, abs=1e-5) and problem.lowest < problem.f_star
@@ -339,6 +373,7 @@ def test_the_index_is_told_on_the_mesh_of_the_family_or_a_finer_one():
     assert suite.get("pendulum", own, duration=1.0)._finer.mesh.elements == 2 * own
 
 
+@pytest.mark.long
 def test_find_by_what_is_asked():
     assert "oscillator" in suite.find(kind="minimum", constrained=False, convex=True)
     assert suite.find(index=3, size=(1, 100)) == ["oscillator_past"]
@@ -411,6 +446,7 @@ def test_starting_points_are_what_they_say():
         problem.start("far")
 
 
+@pytest.mark.long
 def test_near_collisions_are_met_and_are_not_the_lowest():
     """From the default start, a Newton step in the wrong direction apart."""
     for name in ("kepler_near_collision", "two_body_near_collision"):
@@ -483,6 +519,7 @@ def test_class_and_sizes():
     assert np.all(np.isinf(problem.bounds[0]))
 
 
+@pytest.mark.long
 def test_size_costs_no_more_than_its_share():
     """Counted, not timed: calls of functions do not grow with the size, memory grows as it does."""
 

@@ -22,6 +22,7 @@ def gap(problem, x):
     return problem.constraints(x), jacobian(problem, x).toarray(), lower < upper
 
 
+@pytest.mark.quick("string_floor", "string_bump")
 @pytest.mark.parametrize("name", a_quarter(NAMES))
 def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
     problem = suite.get(name)
@@ -54,6 +55,7 @@ def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
     assert (problem.index_star, problem.kind) == (0, "minimum")
 
 
+@pytest.mark.quick("string_floor_bounds")
 @pytest.mark.parametrize("name", a_quarter(NAMES, 1))
 def test_qualifications_hold_or_fail_as_the_tags_say(name):
     problem = suite.get(name)
@@ -75,6 +77,7 @@ def test_qualifications_hold_or_fail_as_the_tags_say(name):
         assert not weak.any()
 
 
+@pytest.mark.long
 def test_discrete_optima_tend_to_closed_forms():
     for name in ("string_floor", "string_bump", "string_grazing"):
         coarse, fine = (suite.get(name, elements=N) for N in (12, 96))
@@ -109,6 +112,7 @@ def test_parameters_of_a_member():
         suite.get("string_floor", g=1.0)
 
 
+@pytest.mark.long
 def test_what_solvers_came_to_is_known():
     problem = suite.get("chain_floor")
     points = known.points(problem.name, problem)

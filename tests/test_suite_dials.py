@@ -28,6 +28,7 @@ def record(solver, problem, parameters=None, *, right=True, **more):
     return helpers.record(solver, problem, **(mine | more))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "dial",
     helpers.a_quarter([*DIALS.values()][:9], 1)
@@ -86,6 +87,7 @@ def test_where_solvers_do_not_agree_is_counted_by_hand():
     assert apart == [profile.question_key(records[2]), profile.question_key(records[4])]
 
 
+@pytest.mark.long
 def test_the_published_runs_are_apart_and_hard():
     """Counted in what the page is made of: where six solvers differ, and what is hard for Ipopt."""
     records = runner.load(Path(__file__).parents[1] / "docs" / "suite" / "results.jsonl")

@@ -80,6 +80,16 @@ def close(found, expected, tolerance):
     return np.max(np.abs(found - expected)) <= tolerance * np.max(np.abs(expected))
 
 
+@pytest.mark.quick(
+    "oscillator_2d",
+    "two_on_a_line",
+    "rotating_frame_bound",
+    "oscillator_past",
+    "oscillator_gauge_past",
+    "charge_spatial_past",
+    "charge_strong",
+    "wall_both_sides",
+)
 @pytest.mark.parametrize("name", [*a_quarter(NAMES, 1), *OTHERS])
 def test_the_expression_is_the_transcription(name):
     problem = few(name)
@@ -134,6 +144,16 @@ def off(problem, back, x, lam):
     return [np.max(np.abs(a - b) / size, initial=0.0) for a, b, size in pairs]
 
 
+@pytest.mark.quick(
+    "oscillator",
+    "driven_oscillator",
+    "moving_pivot",
+    "sliding_wedge",
+    "turning_wire_radial",
+    "rod_pendulum_redundant",
+    "string_grazing",
+    "wall_straight",
+)
 @pytest.mark.parametrize("name", [*a_quarter(NAMES), *OTHERS])
 def test_nl_files_read_back(name, tmp_path):
     problem = few(name)
@@ -270,6 +290,9 @@ def read_mof(file):
     return model, back, rows, sides
 
 
+@pytest.mark.quick(
+    "pendulum", "rod_pendulum", "moving_pivot", "turning_wire", "rod_pendulum_scaled"
+)
 @pytest.mark.parametrize("name", SOME)
 def test_files_for_jump_read_back(name, tmp_path):
     problem = few(name)

@@ -85,6 +85,7 @@ def test_three_arcs_obey_the_maximum_principle_and_reach_that_height():
     assert all(switching(y) > 0 for y in begin.T[1:])
 
 
+@pytest.mark.long
 def test_steps_have_the_three_arcs_and_their_height_tends_to_the_best():
     errors = []
     for count in (25, 50):
@@ -107,6 +108,7 @@ def first_order(problem, x):
     return np.abs(found.fun).max() / np.abs(slope).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("thrust", [0.0, 1.0, MOST])
 def test_the_shortest_flight_is_not_stationary_whatever_the_thrust(thrust):
     """The ground in no time would be, with any thrust."""
@@ -123,6 +125,7 @@ def test_the_shortest_flight_is_not_stationary_whatever_the_thrust(thrust):
     assert first_order(rocket, x) > 0.01
 
 
+@pytest.mark.quick("2.0", "0.5", "-1", "inf", "nan")
 @pytest.mark.parametrize("most", [3.0, 2.0, 0.5, -1, np.inf, np.nan])
 def test_a_thrust_without_a_singular_arc_is_refused(most):
     with pytest.raises(ValueError, match="so much thrust that a singular arc is flown"):

@@ -79,6 +79,16 @@ def test_files_have_the_same_functions(name, tmp_path):
         np.testing.assert_allclose(room[finite], expected[finite], rtol=0, atol=1e-13)
 
 
+@pytest.mark.quick(
+    "string_above_floor",
+    "brachistochrone",
+    "ritz_oscillator",
+    "singular_arc",
+    "slide_above_floor",
+    "beam_on_supports",
+    "blocks_by_hand",
+    "pendulum_row",
+)
 @pytest.mark.parametrize("name", FEASIBLE)
 def test_answers_satisfy_the_conditions_of_first_and_second_order(name):
     problem = suite.model(name)
@@ -304,6 +314,7 @@ def test_throws_of_masses_hit_where_another_integrator_has_them():
     assert problem.objective(problem.x_star) < 1e-14
 
 
+@pytest.mark.long
 def test_tolerance_is_the_noise_of_a_throw():
     x = suite.model("shooting").x_star + 0.01
     smooth = suite.model("shooting", tolerance=1e-11).objective(x)
@@ -327,6 +338,7 @@ def test_values_alone_are_given_where_there_are_no_derivatives(tmp_path):
 # -- fields ----------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_twisted_bar_has_the_stiffness_that_is_known_and_yields_beyond_its_twist():
     # -Laplace u = 2 twist in the unit square: f* = - twist^2 J / 2, where J = 0.140577014955.
     fine, coarse = (suite.model("torsion", cells=k, twist=0.5).f_star for k in (24, 12))
@@ -346,6 +358,7 @@ def test_a_membrane_rests_on_its_hill_alone():
     assert np.all(laplace[rests.ravel()] > 0)
 
 
+@pytest.mark.long
 def test_a_soap_film_tends_to_scherks_surface():
     errors = []
     for cells in (12, 24):
@@ -443,6 +456,7 @@ def contact_forces(a, b, load):
     return (pull - K @ bent)[held]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("load", [0.0, 1.0, 4.0])
 def test_no_places_of_supports_have_a_smaller_largest_force(load):
     problem = suite.model("beam_on_supports", load=load)
@@ -545,6 +559,7 @@ def test_a_dimer_climbs_to_a_saddle_known_or_not():
         assert (found.f == problem.others[0].f) == known
 
 
+@pytest.mark.long
 def test_a_dimer_climbs_to_a_saddle_of_an_action():
     bead = suite.get("hoop_bead")  # its motion is a saddle between two others
     x, _, rests = dimer(bead, bead.start())

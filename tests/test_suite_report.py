@@ -102,6 +102,7 @@ def test_data_profiles_by_hand():
     np.testing.assert_array_equal(near["a"], [4])  # 1 + 10 tau = 1.1 is reached at 40 of 10
 
 
+@pytest.mark.long
 def test_the_report_says_what_the_records_say(tmp_path, monkeypatch):
     drawn, real = [], profiles.save
 

@@ -45,6 +45,7 @@ def at_home(monkeypatch):
     monkeypatch.setattr(runner.process, "run", run)
 
 
+@pytest.mark.long
 def test_planted_answers_are_called_by_their_names():
     cells = [
         *(planted(name) for name in ("right", "wrong", "nothing", "gives_up")),
@@ -65,6 +66,7 @@ def test_what_a_solver_is_given_leaves_no_way_round_the_counts():
     assert record["evaluations"] == {"f": 3} and record["history"][0][0] == 1
 
 
+@pytest.mark.quick("sleqp")
 @pytest.mark.parametrize("solver", ["ipopt", "sleqp", "uno"])
 def test_solvers_that_find_no_bottom_are_right(solver):
     record = evaluate(Cell(solver, "oscillator_past"))
@@ -109,6 +111,7 @@ def test_a_file_that_does_not_load(tmp_path):
     assert "line 1" in record["trace"]
 
 
+@pytest.mark.long
 def test_a_solver_sees_no_answer():
     record = evaluate(planted("peeks"))
     assert record["outcome"] == "answered", record["trace"]
@@ -120,6 +123,7 @@ def test_a_solver_sees_no_answer():
         runpy.run_path(PLANTED)["peeks"](suite.get("pendulum"), None)  # the oracle can fail
 
 
+@pytest.mark.long
 def test_a_crash_and_a_hang_cost_one_cell_each(tmp_path):
     found, records = verdicts(tmp_path, planted("crash"), planted("right"))
     assert found == ["failed", "right"]
@@ -229,6 +233,7 @@ def test_what_has_changed_runs_again(tmp_path, monkeypatch):
     assert ran(repeats=2) == (1, "answered")
 
 
+@pytest.mark.quick("sqpmethod", "sqpmethod:osqp")
 @pytest.mark.parametrize(
     "solver", ["ipopt", "sqpmethod", "sqpmethod:osqp", "qrsqp", "fatrop", "sleqp", "uno"]
 )
@@ -250,6 +255,7 @@ def test_plugins_of_the_wheel(solver):
     assert last[1] == pytest.approx(problem.f_star, rel=1e-6)
 
 
+@pytest.mark.long
 def test_evaluations_are_those_the_solver_says():
     """CasADi's own counters, where each call is of one function."""
     problem = suite.get("rod_pendulum")
@@ -263,6 +269,7 @@ def test_evaluations_are_those_the_solver_says():
     assert answer.evaluations == {k: stats[f"n_call_nlp_{name}"] for k, name in names.items()}
 
 
+@pytest.mark.long
 def test_the_least_of_bare_repeats_is_the_time():
     problem, busy = suite.get("pendulum"), iter((0.01, 0.06, 0.03))
 

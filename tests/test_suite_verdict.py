@@ -67,6 +67,7 @@ def test_a_higher_minimum_is_another_and_a_lower_one_right():
     assert verdict(answered(problem, problem.x_star) | {"above": True}, "minimise") == "other"
 
 
+@pytest.mark.long
 def test_judged_by_the_point_and_not_by_the_word():
     problem = suite.get("pendulum_long")
     assert judge(problem, problem.x_star, "gave up") == "right"
@@ -87,6 +88,7 @@ def test_two_accuracies():
     assert judge(problem, problem.x_star + 1e-7 * problem.unit, accuracy=1e-6) == "right"
 
 
+@pytest.mark.quick("oscillator")
 @pytest.mark.parametrize("name", ["oscillator", "figure_eight", "rod_pendulum"])
 def test_three_digits_of_the_path_are_enough(name):
     """Along the softest direction, where next to no residual tells."""
@@ -110,6 +112,7 @@ def test_success_in_tiny_units_is_no_success():
     assert judge(problem, answer.x, answer.said) == "wrong"
 
 
+@pytest.mark.quick("pendulum", "oscillator_conjugate", "string_floor_bounds")
 @pytest.mark.parametrize(
     "name",
     [

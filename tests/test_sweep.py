@@ -70,6 +70,7 @@ def first(kept):
 # -- numbers --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_every_member_is_what_solve_finds(serial):
     assert serial.shape == (4, 6) and serial.success.all() and not serial.failed.any()
     assert serial.stats["tasks"] == 5 and not serial.interrupted
@@ -110,6 +111,7 @@ def test_values_may_be_zipped():
         ao.sweep(problem, {"t1": [1.0, 2.0], ("end", "x"): [1, 2, 3]}, zip=True)
 
 
+@pytest.mark.long
 def test_free_coordinates_are_kept_at_the_ends():
     system = System(
         lambda q, v, t, *, k: (v[0] ** 2 - k * q[0] ** 2) / 2, ["x"], parameters={"k": 1}
@@ -145,6 +147,7 @@ def test_slopes_are_those_of_the_action():
     assert not runs.branch.any()
 
 
+@pytest.mark.long
 def test_slopes_of_members_that_are_solved_alone(monkeypatch):
     over = {"t1": [0.7, 0.8], "g": [9.0, 10.0], ("end", "theta"): [0.0, 0.1]}
     together = ao.sweep(PENDULUM, over)
@@ -156,6 +159,7 @@ def test_slopes_of_members_that_are_solved_alone(monkeypatch):
     assert np.isnan(ao.sweep(dragged, {"t1": [dragged.end.t]}).slopes).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("zipped", [False, True])
 def test_it_begins_from_the_problem_itself_where_its_first_member_is_not_found(zipped, monkeypatch):
     """A top that spins fast: `solve` seeks for minutes what a motion nearby leads to."""
@@ -182,6 +186,7 @@ def spawned(workers):
     return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [3])
 def test_threads_find_the_same_bits(serial, short, workers):
     with ThreadPoolExecutor(workers) as pool:
@@ -191,6 +196,7 @@ def test_threads_find_the_same_bits(serial, short, workers):
 
 
 # What several at once may change, threads and another order of the tasks change too.
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_processes_find_the_same_bits(serial, short, workers):
     with spawned(workers) as pool:
@@ -213,11 +219,13 @@ class Backwards:
         return self.given[-1][0]
 
 
+@pytest.mark.long
 def test_the_order_in_which_tasks_finish_changes_nothing(serial, short):
     found = ao.sweep(PENDULUM, OVER, executor=Backwards(), record=["index"], keep_paths=True)
     assert same(found, serial)
 
 
+@pytest.mark.long
 def test_tasks_are_on_their_way_before_all_seeds_are_found(serial, short, monkeypatch):
     walk, events = module.walk, []
     monkeypatch.setattr(module, "walk", lambda *given: events.append("walk") or walk(*given))
@@ -250,6 +258,7 @@ def test_a_member_that_fails_is_data():
         runs.solution(0)
 
 
+@pytest.mark.long
 def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatch):
     """Bratu's problem has a fold at 3.5138307: the first half of the values has no path."""
     problem = systems.bratu()
@@ -349,6 +358,7 @@ def anharmonic():
     return Problem(law, Event(0.0, [1.0]), Event(1.0, [0.5]))
 
 
+@pytest.mark.long
 def test_what_no_neighbour_leads_to_is_searched_for_as_solve_would():
     problem = anharmonic().replace(end=Event(3.0, [0.5]))
     runs = ao.sweep(problem, {("end", "x"): np.linspace(-3.0, 3.0, 13)})
@@ -356,6 +366,7 @@ def test_what_no_neighbour_leads_to_is_searched_for_as_solve_would():
     assert "retry" not in repr(runs)
 
 
+@pytest.mark.long
 def test_what_lies_behind_a_degenerate_member_is_solved():
     law = System(
         lambda q, v, t, *, w: v[0] ** 2 / 2 - w**2 * q[0] ** 2 / 2, ["x"], parameters={"w": 0.9}
@@ -366,6 +377,7 @@ def test_what_lies_behind_a_degenerate_member_is_solved():
     assert "1 not found: runs.retry()" in repr(runs)
 
 
+@pytest.mark.quick("solve_near")
 @pytest.mark.parametrize("name", ["solve", "solve_near"])
 def test_an_unexpected_exception_loses_one_member_alone(name, monkeypatch):
     whole, find = ao.sweep(PENDULUM, {"t1": [1.2, 1.25, 1.3]}), getattr(batch, name)
@@ -404,6 +416,7 @@ def holes():
     return runs, kept
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "pool", [ThreadPoolExecutor, pytest.param(spawned, marks=pytest.mark.slow)]
 )
@@ -417,6 +430,7 @@ def test_a_retry_finds_the_same_bits_on_any_executor(holes, pool):
             assert same(runs.retry(executor=workers), again)
 
 
+@pytest.mark.long
 def test_an_interrupted_retry_goes_on(holes, tmp_path, monkeypatch):
     from actionopt.families import runs as module
 
@@ -455,6 +469,7 @@ class Stop:
             raise self.error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pool", [None, *slow(ThreadPoolExecutor)])
 def test_an_interruption_keeps_what_is_done(serial, short, pool, tmp_path):
     pool = pool and pool(1)
@@ -679,6 +694,7 @@ def test_a_sweep_out_of_time_says_how_to_go_on():
     assert runs.retry().retried == "partly"
 
 
+@pytest.mark.long
 def test_a_sweep_moves_waypoints_and_the_law_of_a_leg():
     """Slopes are those of the action, and members solutions of their own."""
     air = System(lambda q, v, t: v @ v / 2, ["x", "y"])

@@ -46,6 +46,14 @@ def oscillator_2d(kx=1.0, ky=1.0):
 # -- noether ---------------------------------------------------------------------------------
 
 
+@pytest.mark.quick(
+    "two_on_a_line-<lambda>-0-b p1 - a p2",
+    "oscillator_2d-<lambda>-0-angular momentum",
+    "screw-<lambda>-0-screw momentum",
+    "inverted_cone-generator4-0-angular momentum",
+    "pendulum-generator5--1-energy",
+    "hoop_bead-generator7--1-energy in the turning frame",
+)
 @pytest.mark.parametrize(
     ("name", "generator", "time", "fact"),
     [
@@ -82,6 +90,12 @@ def test_drift_sees_parameters_that_break_the_symmetry():
         assert low <= momentum.drift(solution) <= high
 
 
+@pytest.mark.quick(
+    "<lambda>-0-no total derivative0",
+    "<lambda>-<lambda>-no total derivative",
+    "<lambda>-0-return 2 values, found 1",
+    "<lambda>-<lambda>-expected time\\\\(t",
+)
 @pytest.mark.parametrize(
     ("generator", "time", "words"),
     [
@@ -111,6 +125,7 @@ def test_a_symmetry_of_some_parameters_is_checked_for_those():
     noether(system, lambda q, t: [-q[1], q[0]], parameters={"ky": 1.0})
 
 
+@pytest.mark.long
 def test_symmetries_up_to_a_total_derivative():
     """Boost: I = p t - m x. Falling: I = p_y + m g t. Oscillator: phase and amplitude."""
     boost = noether(free(1), lambda q, t: [t])
@@ -141,6 +156,7 @@ def test_a_gauge_may_be_given():
         noether(system, [1.0], gauge=lambda q, t: 9.81 * np.arctan(t))
 
 
+@pytest.mark.long
 def test_constraints_must_be_kept():
     """A body on a tilted circular hoop: turning about its axis is a symmetry, about z not."""
     axis = np.array([0.0, 0.6, 0.8])
@@ -185,6 +201,7 @@ def test_forces_take_part():
 # -- cyclic coordinates and energy -------------------------------------------------------------
 
 
+@pytest.mark.quick("pendulum-coordinates2")
 @pytest.mark.parametrize(
     ("name", "coordinates"),
     [
@@ -243,6 +260,7 @@ def test_kinetic_energy_of_moving_coordinates_is_not_homogeneous():
 # -- find_symmetries ---------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", a_quarter([2, 1, 3]))
 def test_free_particle_has_the_galilean_group_and_scaling(n):
     """n translations, n boosts, n (n - 1) / 2 rotations, time, and x -> x d / 2, t -> t d."""
@@ -252,6 +270,12 @@ def test_free_particle_has_the_galilean_group_and_scaling(n):
     assert np.allclose(scaling.A * 2, np.eye(n) * scaling.rate, atol=1e-12)
 
 
+@pytest.mark.quick(
+    "oscillator_2d-expected1",
+    "kepler-expected2",
+    "turning_wire-expected6",
+    "oscillating_wall-expected7",
+)
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
@@ -282,6 +306,7 @@ def test_symmetries_depend_on_the_numbers():
     assert np.allclose(both[1]([2.0, 3.0], 0.0), [-3.0, 2.0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("mu", "m"), [(3.986e14, 1e3), (253.0, 9.1e-31), (1e-20, 1.0)])
 def test_units_make_no_symmetries(mu, m):
     """A satellite, an electron: what is small beside the rest of L counts as well."""
@@ -341,6 +366,7 @@ def test_a_force_along_one_coordinate_leaves_the_momentum_of_another():
     assert float(momenta["x"]([0.3, 0.7], [2.0, 5.0], 0.0)) == 2.0
 
 
+@pytest.mark.long
 def test_a_gauge_that_the_rule_cannot_integrate_is_refused_or_right():
     """Moving x changes L by y' / (1 + 400 y^2), the rate of atan(20 y) / 20: steep near zero."""
     system = ao.System(lambda q, v, t: v @ v / 2 + q[0] * v[1] / (1 + 400 * q[1] ** 2), ["x", "y"])
@@ -356,6 +382,7 @@ def test_a_gauge_that_the_rule_cannot_integrate_is_refused_or_right():
         assert spread(found, q, v, t) < INTEGRATION_TOLERANCE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("slope", "whole"), [(1 + 1e-8, False), (1 + 1e-10, True)])
 def test_only_what_is_a_whole_number_up_to_rounding_becomes_one(slope, whole):
     """L depends on y - slope x: moving x by one and y by the slope changes nothing."""
@@ -392,6 +419,7 @@ def test_a_pivot_is_the_entry_that_is_largest_in_magnitude():
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("constraint", "n"),
     [
@@ -428,6 +456,7 @@ def test_the_drift_is_relative_to_the_size_of_the_terms(side):
     assert momentum.drift(solution) == pytest.approx(1e-3 / (1 + 5e-4), rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", a_quarter([-1.0, 1.0]))
 def test_points_that_do_not_get_onto_a_surface_are_left_out(side):
     """From beyond its top Newton's steps on x / (1 + x^2) lead away for ever."""

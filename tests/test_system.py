@@ -517,6 +517,7 @@ def nested(count):
     return lagrangian
 
 
+@pytest.mark.long
 def test_ten_thousand_operations_in_a_loop():
     # CasADi's own printing of them, by recursion, ends the process.
     system = System(nested(10_000), ["x"])

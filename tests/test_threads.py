@@ -35,6 +35,7 @@ def answer(problem):
     return (*bits(solution.path.values, solution.action, solution.error), solution.status)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", family.SYSTEMS)
 def test_solving_problems_of_a_new_system(name):
     alone = [answer(problem) for problem in problems(name)]
@@ -65,6 +66,7 @@ def test_reading_solutions_of_one_system(name):
     same_in_all_threads(numbers, solutions, alone)
 
 
+@pytest.mark.long
 def test_one_neighbour_serves_several_threads():
     near, random = problems("driven pendulum")[0], np.random.default_rng(4)
     solution = ao.solve(near)
@@ -78,6 +80,7 @@ def test_one_neighbour_serves_several_threads():
     same_in_all_threads(follow, moved, alone)
 
 
+@pytest.mark.long
 def test_one_transcription_at_several_points():
     problem = problems("rod")[0]
     tr = Transcription(problem, Mesh.uniform(0.0, problem.end.t, 4, 5), np.ones(2))
@@ -93,6 +96,7 @@ def test_one_transcription_at_several_points():
     same_in_all_threads(read, points, alone)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("principle", "name"), list(zip(["least", "stationary"], family.SYSTEMS, strict=True))
 )

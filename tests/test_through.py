@@ -26,6 +26,7 @@ def oscillation(a, b, T):
     return S, (b - a * np.cos(T)) / np.sin(T), (b * np.cos(T) - a) / np.sin(T)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("a", "b"), [(0.5, -1.0), (-0.2, 0.7)])
 def test_waypoints_are_passed_with_impulses(a, b):
     events = [ao.Event(1.0, [a]), ao.Event(2.2, [b])]
@@ -42,6 +43,7 @@ def test_waypoints_are_passed_with_impulses(a, b):
     assert again.impulses == pytest.approx(found.impulses, abs=1e-12)
 
 
+@pytest.mark.long
 def test_the_path_of_an_oscillator_through_waypoints_is_the_only_one():
     events = [ao.Event(1.0, [0.5]), ao.Event(4.2, [-0.3])]
     linear = ao.Problem(OSCILLATOR, ao.Event(0, [0.0]), ao.Event(5, [1.0]), through=events)
@@ -139,6 +141,7 @@ def test_closed_orbits_of_an_ellipse_are_a_family(long):
     assert lengths == pytest.approx([np.sqrt(2 * found.action)] * 2, rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("x", [0.1 + 0.2 - 0.3, 1e-20])
 def test_a_coordinate_that_is_round_off_does_not_spoil_the_index(x, tmp_path):
     """A ball above a flat floor, and above a bowl, the sides of which it could use."""
@@ -177,6 +180,7 @@ def test_heron_and_snell():
     assert ray.compare().agrees
 
 
+@pytest.mark.long
 def test_bounces_stay_inside():
     """Three reflections in an ellipse: Joachimsthal's number is that of each leg."""
     wall = ao.Bounce(lambda q, t: 1 - (q[0] / 2) ** 2 - q[1] ** 2)
@@ -217,6 +221,7 @@ def test_what_passes_through_a_wall_is_no_bounce():
         ao.solve(below, guess=[[0, 0.1, 0.1], [1, 0, -1]])
 
 
+@pytest.mark.long
 def test_a_step_that_is_too_high_is_not_passed():
     plain = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
     high = ao.System(lambda q, v, t: v @ v / 2 - 1.5, ["x", "y"])
@@ -233,6 +238,7 @@ def test_a_step_that_is_too_high_is_not_passed():
     assert found.duration == pytest.approx(1.5, abs=1e-9)
 
 
+@pytest.mark.long
 def test_index_counts_places_and_times():
     """A negative direction at two resolutions: the far reflection in a circle is a saddle."""
     wall = ao.Bounce(lambda q, t: 1 - q[0] ** 2 - q[1] ** 2)
@@ -505,6 +511,7 @@ def test_reflections_on_a_sphere(height, half):
     assert found.morse_index == points
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("T", [4.0, pytest.param(3.7, marks=pytest.mark.slow)])
 def test_a_pendulum_in_x_and_y_passes_what_the_angle_does(T):
     def place(angle):

@@ -18,6 +18,7 @@ OSCILLATOR = ao.System(
 )
 
 
+@pytest.mark.long
 def test_bratu_turns_the_corner():
     # u'' + lam e^u = 0: theta = sqrt(2 lam) cosh(theta / 4); fold at lam = 3.513830719125161
     # where theta tanh(theta / 4) = 4, umax = 1.1868421686343891. Actions at lam = 1 by quadrature.
@@ -57,6 +58,7 @@ def test_soap_film_up_to_the_critical_distance():
     assert max(found.values) < 0.6628
 
 
+@pytest.mark.long
 def test_index_along_growing_time():
     problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 0.0), ao.Event(0.5, 0.0))
     found = trace(problem, "t1", 5.0)
@@ -70,6 +72,7 @@ def test_index_along_growing_time():
     assert "goal" in found.stopped and found.values[-1] == 5.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("to", [0.4, 1.4])
 def test_parameter_moves_either_way(to):
     problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 1.0), ao.Event(2.0, 0.5), parameters={"w": 1.1})
@@ -81,6 +84,7 @@ def test_parameter_moves_either_way(to):
         assert path(1.0)[0] == pytest.approx(1.5 / 2 / np.cos(w), rel=1e-7)
 
 
+@pytest.mark.quick("end-x-9.0")
 @pytest.mark.parametrize(("which", "name", "to"), [("end", "x", 9.0), ("start", "y", -2.0)])
 def test_coordinate_of_an_event_moves(which, name, to):
     scene = scenes.get("projectile")
@@ -104,6 +108,7 @@ def test_the_start_of_a_closed_path_moves_with_its_end():
         assert slope(problem, known, ("start", "x")) == wanted
 
 
+@pytest.mark.long
 def test_forced_system_has_no_index():
     scene = scenes.get("damped_oscillator")
     problem = scene.problem
@@ -112,6 +117,7 @@ def test_forced_system_has_no_index():
     assert found.solution(-1).action == pytest.approx(found.actions[-1], rel=1e-7)
 
 
+@pytest.mark.long
 def test_one_problem_is_compiled():
     problem = systems.bratu()
     ao.solve(problem)
@@ -216,6 +222,7 @@ def test_bad_arguments():
         trace(half, ("start", "x"), 1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("to", "side"), a_quarter([(2.0, -1.0), (3.0, 1.0)]))
 def test_a_pole_is_noticed_from_either_side(to, side):
     """x = cos t + B sin t is infinite at T = pi; the way there is down the times."""
@@ -251,6 +258,7 @@ def test_where_a_branch_will_be_infinite(before, now, goal, pole, part, monkeypa
     assert found == (None if pole is None else pytest.approx(pole, abs=1e-7))
 
 
+@pytest.mark.long
 def test_paths_that_end_on_the_way_end_the_trace():
     system = ao.System(
         lambda q, v, t, *, a: v[0] ** 2 / 2 - np.sqrt(1 - a) * q[0] ** 2 / 2,
@@ -307,6 +315,7 @@ def test_three_motions_of_a_pendulum_a_little_longer_than_half_a_period():
     assert [s.morse_index for s in found.at(1e-4)] == [0, 1, 0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 50))]
 )
@@ -340,6 +349,7 @@ def test_folds_of_random_branches(seed):
     check_marks_agree(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "step", [lambda x: abs(x) / x, pytest.param(np.sign, marks=pytest.mark.slow)]
 )
@@ -369,6 +379,7 @@ def test_a_fold_of_two_legs_is_that_of_one():
     assert fold.value + 0.3 == pytest.approx(1.3254868387, abs=1e-8)
 
 
+@pytest.mark.long
 def test_a_reflection_ends_where_the_shadow_begins():
     """Off a disc: no ray is reflected to a point behind the tangent from the source."""
     disc = ao.Bounce(lambda q, t: q @ q - 1)
@@ -383,6 +394,7 @@ def test_a_reflection_ends_where_the_shadow_begins():
     assert again.problem.end.q == (2.0, 1.0) and again.success
 
 
+@pytest.mark.quick("vary2-0.5")
 @pytest.mark.parametrize(
     ("vary", "to"),
     [("k", 3.0), (("through", 0, "t"), 1.4), (("through", 1, "x"), 0.5), ("t1", 4.0)],
@@ -412,6 +424,7 @@ def test_durations_change_where_the_way_stays():
     assert found.durations == pytest.approx(np.sqrt(2.5 / found.values), rel=1e-12)
 
 
+@pytest.mark.long
 def test_a_rope_grows():
     """y = a cosh(x / a) + c with 2 a sinh(1 / a) as length: dS/dl = -kappa."""
 
@@ -444,6 +457,7 @@ def test_what_no_event_gives_does_not_vary(vary):
         trace(ao.Problem(FREE, *ends, through=between), vary, 1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("w", [pytest.param(3e-3, marks=pytest.mark.slow), 1e-4])
 def test_a_pulse_that_moves_is_not_lost_by_the_mesh(w):
     """S = 1/2 + E t - E G(t, s) / 2 for t and s in the pulse, G Green's function of x''."""
@@ -458,6 +472,7 @@ def test_a_pulse_that_moves_is_not_lost_by_the_mesh(w):
     assert found.actions == pytest.approx(exact, abs=1e-7)
 
 
+@pytest.mark.long
 def test_a_pulse_of_the_time_alone_counts_in_the_action():
     """It moves no path: a body goes straight, and S has its integral besides."""
     width = 8.7e-3

@@ -192,6 +192,7 @@ def mismatch(found, known):
     return np.max(np.abs(found - known), initial=0.0) / np.max(np.abs(known), initial=1e-300)
 
 
+@pytest.mark.quick("shaken-free-conservative-pinned-one")
 @pytest.mark.parametrize(("combination", "ends", "mesh"), a_quarter(CASES), ids=name)
 def test_residual_is_the_derivative_of_the_action(combination, ends, mesh):
     tr = transcribed(system_of(*combination), ends, mesh, lengths=(0.7, 3.0))
@@ -204,6 +205,7 @@ def test_residual_is_the_derivative_of_the_action(combination, ends, mesh):
     assert mismatch(tr.residual(z * (1 + 1e-9)), known) > 10 * FORMULA_TOLERANCE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("combination", "ends", "mesh"), a_quarter(CASES, 2), ids=name)
 def test_kkt_matrix_is_the_derivative_of_the_residual(combination, ends, mesh):
     tr = transcribed(system_of(*combination), ends, mesh, lengths=(0.7, 3.0))
@@ -224,6 +226,7 @@ def test_kkt_matrix_is_the_derivative_of_the_residual(combination, ends, mesh):
         assert mismatch(K, K.T) <= 4 * EPS
 
 
+@pytest.mark.quick("autonomous-free-conservative-blocks", "autonomous-free-conservative-sparse")
 @pytest.mark.parametrize("storage", ["blocks", "sparse"])
 @pytest.mark.parametrize("combination", a_quarter((x,) for x in COMBINATIONS), ids="-".join)
 def test_the_matrix_of_a_closed_path_is_the_derivative_of_the_residual(
@@ -563,6 +566,7 @@ def alarm():
     signal.signal(signal.SIGALRM, before)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="needs an alarm")
 @pytest.mark.usefixtures("alarm")
 def test_what_a_signal_handler_raises_is_raised_again(capfd):

@@ -49,6 +49,7 @@ def test_a_throw_far_from_zero():
     assert abs(up.action - S) < 1e-9
 
 
+@pytest.mark.quick("30.0")
 @pytest.mark.parametrize("energy", [30.0, 90.0])
 def test_low_and_high_throw(energy):
     problem, (short, long) = throw(energy), flights(energy)
@@ -69,6 +70,7 @@ def test_low_and_high_throw(energy):
     assert (low.between_times.morse_index, high.between_times.morse_index) == (0, 0)
 
 
+@pytest.mark.long
 def test_below_the_energy_that_is_needed_a_sentence():
     least = G * (1 + np.sqrt(17.0)) / 2  # E = g (y + d) / 2
     assert ao.solve(throw(least + 0.01)).success
@@ -96,6 +98,7 @@ def test_the_path_told_degenerate_is_the_one_that_was_found():
     assert found.duration == pytest.approx(np.pi / np.sqrt(2 * energy), rel=1e-6)
 
 
+@pytest.mark.long
 def test_the_transfer_of_least_energy_is_returned():
     # Lagrange: the ellipse of least energy has 4 a = r1 + r2 + chord, and t is known to half the
     # digits at most, as two ellipses merge there.
@@ -111,6 +114,7 @@ def test_the_transfer_of_least_energy_is_returned():
     assert found.duration == pytest.approx(duration, rel=1e-5)
 
 
+@pytest.mark.long
 def test_no_lowest_energy_is_claimed_where_lower_ones_were_lost():
     # Half an ellipse of Kepler's of least energy, -1/3; the first path found passes its centre.
     system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
@@ -143,6 +147,7 @@ TOPS = {  # L whose potential has its top, 1, at 0, and its mass
 }
 
 
+@pytest.mark.quick("1e-06-wells")
 @pytest.mark.parametrize("name", TOPS)
 @pytest.mark.parametrize("above", [1e-6, 1e-9])
 def test_just_above_a_barrier(name, above):
@@ -210,6 +215,7 @@ def test_all_paths_to_a_free_end_of_a_clock():
     assert sorted(path.duration for path in paths) == pytest.approx(roots, abs=1e-8)
 
 
+@pytest.mark.quick("<lambda>-start1-end1", "<lambda>-start2-end2")
 @pytest.mark.parametrize(
     "L, start, end",
     [
@@ -366,6 +372,7 @@ def test_period_of_a_quartic_oscillator(start, energy):
     assert s.kind == "saddle" and s.morse_index == s.between_times.morse_index == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("start", a_quarter([None, 0.3, -0.2]))
 def test_one_coordinate_in_a_well_needs_no_guess(start):
     """T of a quartic spring, and of Morse's potential D (1 - e^-x)^2: 2 pi / (2 (D - E))^(1/2)."""
@@ -395,6 +402,7 @@ def test_one_coordinate_that_no_wall_turns_back_closes_nowhere():
         ao.solve(ao.Problem(hollow, free(0.0, [None]), ao.Periodic(None), energy=0.5))
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("sign", [1, -1])
 def test_one_coordinate_that_turns_needs_no_guess(sign):
     """T = 2 k K(k), k^2 = 2 / (E + 1): a pendulum over the top, g = l = 1."""
@@ -454,6 +462,7 @@ def test_an_order_that_is_none_is_refused():
             ao.Problem(system, free(0.0, None), ao.Periodic(1.0, relabel=order))
 
 
+@pytest.mark.quick("True-1e-07")
 @pytest.mark.parametrize("below", a_quarter([1e-7, 0.0, 1e-4, 1e-12]))
 @pytest.mark.parametrize("timed", [True, False])
 def test_a_start_where_the_path_turns_back(below, timed):
@@ -478,6 +487,7 @@ def test_a_start_where_the_path_turns_back(below, timed):
 KEPLER = systems.kepler()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("e", a_quarter([0.8, 0.1, 0.95]))
 @pytest.mark.parametrize(
     ("timed", "start", "many"),
@@ -561,6 +571,7 @@ ORBITS = {  # system, start, period, action; references beside them
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", a_quarter(ORBITS, len(ORBITS) - 1))
 def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
     system, q, v, T, S = ORBITS[name]
@@ -627,6 +638,7 @@ def growing_ring():
     return ao.Problem(system, ao.Event(0, [1, 0]), end), guess
 
 
+@pytest.mark.quick("throw_at_energy", "pendulum_over_top", "growing_ring")
 @pytest.mark.parametrize(
     "name", ["throw_at_energy", "kepler_at_energy", "pendulum_over_top", growing_ring]
 )
@@ -665,6 +677,7 @@ def test_an_orbit_about_the_equilibrium_between_two_bodies_needs_no_guess():
         ao.solve(ao.Problem(bodies, start, ao.Periodic(None), energy=-5.0))
 
 
+@pytest.mark.quick("1e-06")
 @pytest.mark.parametrize("tol", [1e-3, 1e-6])
 def test_a_circle_is_closed_whose_turn_is_its_motion(tol):
     """Time and the turn of the plane move a circle alike: r^2 + 3 r^4 / 4 = E, w^2 = 1 + r^2."""

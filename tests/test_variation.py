@@ -42,6 +42,14 @@ def central(S, order, h):
     return (sum(w * (S(k * h) + S(-k * h)) for k, w in weights) - 49 / 18 * S(0.0)) / h**2
 
 
+@pytest.mark.quick(
+    "oscillator",
+    "driven_oscillator",
+    "charge_planar",
+    "rod_pendulum",
+    "turning_wire",
+    "sliding_off_circle",
+)
 @pytest.mark.parametrize("name", CONSERVATIVE + CONSTRAINED)
 def test_first_derivative_vanishes_to_rounding(name):
     _, S = varied(name)

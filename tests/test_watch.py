@@ -34,6 +34,7 @@ def test_a_solve_ends_in_time_with_its_best_attempt():
     assert found.value.solution(0.0) == pytest.approx(hard().start.q)
 
 
+@pytest.mark.long
 def test_enough_time_changes_nothing():
     problem = scenes.get("double_pendulum").problem
     free, limited = ao.solve(problem), ao.solve(problem, seconds=1e3)
@@ -50,6 +51,7 @@ def bratu(count=1):
     return ao.Problem(system, ao.Event(0.0, [0.0] * count), ao.Event(1.0, [0.01] * count))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("count", "most"), a_quarter([(3, 650), (1, 550), (10, 350)]))
 def test_where_there_is_no_path_the_search_gives_up_soon_and_says_nothing(count, most, capfd):
     """Counted: 450, 548 and 292; once they were 1125, 844 and 424."""
@@ -79,6 +81,7 @@ def test_a_search_ends_when_it_has_cost_its_price_unless_it_is_given_time(monkey
     assert timed["meeting"] > 600
 
 
+@pytest.mark.long
 def test_ways_that_time_does_not_allow_for_come_last(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("actionopt.tools.watch.perf_counter", lambda: now[0])
@@ -94,6 +97,7 @@ def test_ways_that_time_does_not_allow_for_come_last(monkeypatch):
         ao.solve(bratu(), seconds=2.6, progress=tell)
 
 
+@pytest.mark.long
 def test_time_that_runs_out_while_refining_leaves_the_path_that_was_found():
     """Told by the evaluations, not by the clock: the watch is stopped at the last but one."""
     problem = scenes.get("double_pendulum").problem
@@ -115,6 +119,7 @@ def test_time_that_runs_out_while_refining_leaves_the_path_that_was_found():
     assert apart <= solution.error < 0.1
 
 
+@pytest.mark.long
 def test_progress_names_the_way_the_elements_and_the_iterations():
     calls = []
 

@@ -10,6 +10,7 @@ PEERS = ("actionopt_", "scipy_bvp", "dop853", "ipopt_alone")
 ASKED = [(name, PEERS[k - j]) for j, name in enumerate(NAMES) for k in range(4)]
 
 
+@pytest.mark.quick("orbit-ipopt_alone", "kink-dop853")
 @pytest.mark.parametrize(("name", "peer"), a_quarter(ASKED))
 def test_a_question_is_answered_or_cannot_be_asked(name, peer):
     case = worker._cases()[name]
@@ -31,6 +32,7 @@ def test_a_duration_that_is_off_is_an_error():
     assert case.error(lambda t: found.curve(t / 1.01), ends, late) == pytest.approx(0.01, rel=1e-4)
 
 
+@pytest.mark.long
 def test_a_cold_solve_takes_longer_than_what_casadi_alone_takes_of_it():
     case = worker._cases()["pendulum"]
     parts, (ours, _), shown = floor.measured(case, 1e-3, 3)
