@@ -1,6 +1,6 @@
 """How much hangs on each constant? Every one is changed, up and down, and questions asked again.
 
-    python -m benchmarks.constants [--room solver ...] [--questions 24]
+    python -m benchmarks.constants [--again solver ...] [--questions 24]
 
 A constant is a number that a module of the core names in capitals. It is divided and multiplied by
 three (a whole number by two), and those questions are asked again that call a function in which it
@@ -8,7 +8,8 @@ stands: all scenes, without their guess, and the first cases of the families of 
 is changed if its status, its index or its action is another. Of a constant that changes nothing
 either way its value is free within that factor, as far as these questions tell.
 
-The page `docs/constants.md` is written by this command.
+The page `docs/constants.md` is written by this command. What was measured before is kept for all
+constants that still have their value; the others are measured, and all those of rooms `--again`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from math import isfinite
+from math import isclose, isfinite
 from pathlib import Path
 from time import process_time
 from types import CodeType, ModuleType
@@ -48,9 +49,7 @@ SAME_ACTION = 1e-6  # relative: far above the error of a path, far below the nex
 EACH_FAMILY = 2  # cases
 DEARER = 2.0  # times the processor time of the questions: noise is below, on a busy machine, too
 LONGEST = 20  # seconds of the processor: a search that a changed number does not let end
-SLOWEST = (
-    2.0  # seconds of the processor: a slower question is left out, it would be asked too often
-)
+SLOWEST = 2.0  # seconds of the processor: slower questions are left out, they are asked too often
 
 Answer = tuple[Any, ...]
 Place = tuple[str, int]  # a function's file and line
@@ -66,6 +65,12 @@ class Constant:
 
     def __str__(self) -> str:
         return self.name
+
+    @property
+    def place(self) -> dict[str, str]:
+        """The room and the module where it stands."""
+        _, room, module = self.module.__name__.split(".")
+        return {"room": room, "module": module}
 
     @property
     def value(self) -> float:
@@ -120,7 +125,7 @@ def questions() -> dict[str, Callable[[], Answer]]:
     return asked
 
 
-def study(rooms: tuple[str, ...], most: int) -> list[dict[str, Any]]:
+def study(asked_of: list[Constant], most: int) -> list[dict[str, Any]]:
     """Return a row for each constant: what changed, of how many questions, at what price."""
     asked = questions()
     reached: dict[str, set[Place]] = {}
@@ -130,12 +135,11 @@ def study(rooms: tuple[str, ...], most: int) -> list[dict[str, Any]]:
                 asked[name]()  # here, so that what is derived once is not derived in each child
     before = {name: _in_child(asked[name]) for name in reached}
     rows = []
-    for constant in steps(constants(rooms)):
+    for constant in steps(asked_of):
         names = [name for name in reached if reached[name] & constant.readers]
         names = names[:: max(len(names) // most, 1)][:most]
         row = {
-            "room": constant.module.__name__.split(".")[1],
-            "module": constant.module.__name__.split(".")[2],
+            **constant.place,
             "name": constant.name,
             "value": constant.value,
             "questions": len(names),
@@ -151,6 +155,17 @@ def study(rooms: tuple[str, ...], most: int) -> list[dict[str, Any]]:
             row[f"price of {way}"] = sum(after[n][1] for n in names) / spent
         rows.append(row)
     return rows
+
+
+def as_they_are(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows of constants whose values are still those measured, where they now stand."""
+    now = {c.name: c for c in constants(ROOMS)}
+    found = []
+    for row in rows:
+        constant = now.get(row["name"])
+        if constant is not None and isclose(constant.value, row["value"], rel_tol=1e-3):
+            found.append({**row, **constant.place})
+    return found
 
 
 def page(known: dict[str, Any]) -> str:
@@ -292,17 +307,18 @@ def _readers() -> dict[str, set[Place]]:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.constants", description=__doc__)
-    parser.add_argument("--room", nargs="+", choices=ROOMS, default=ROOMS, help="only these")
+    parser.add_argument("--again", nargs="+", choices=ROOMS, default=(), help="all of these rooms")
     parser.add_argument("--questions", type=int, default=24, help="most that are asked of each")
     parser.add_argument("--report-only", action="store_true", help="measure nothing")
     options = parser.parse_args(arguments)
-    if not options.report_only:
-        old = unpacked(json.loads(ROWS.read_text())) if ROWS.exists() else []
-        rows = [r for r in old if r["room"] not in options.room]
-        rows += study(tuple(options.room), options.questions)
-        rows.sort(key=lambda r: (ROOMS.index(r["room"]), r["module"]))
-        about = stamp("actionopt", "casadi", "numpy")
-        write(ROWS, text({"about": about, **packed(rows)}, 2) + "\n")
+    known = json.loads(ROWS.read_text()) if ROWS.exists() else {"columns": (), "rows": []}
+    rows = [r for r in as_they_are(unpacked(known)) if r["room"] not in options.again]
+    about, measured = known.get("about"), {r["name"] for r in rows}
+    new = [] if options.report_only else [c for c in constants(ROOMS) if c.name not in measured]
+    if new:
+        rows, about = rows + study(new, options.questions), stamp("actionopt", "casadi", "numpy")
+    rows.sort(key=lambda r: (ROOMS.index(r["room"]), r["module"]))
+    write(ROWS, text({"about": about, **packed(rows)}, 2) + "\n")
     write(PAGE, page(json.loads(ROWS.read_text())) + "\n")
 
 
