@@ -180,7 +180,7 @@ def _through(solution: Solution) -> Monodromy:
     order = list(problem.order) or list(range(n))
     rows = np.argsort(order)
     M = M[np.r_[rows, n + rows]].view(Monodromy)
-    M.trivial = int(problem.advance is not None and not problem.system.structure.depends_on_time)
+    M.trivial = int(problem.may_be_shifted)
     return M
 
 

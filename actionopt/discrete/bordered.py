@@ -235,8 +235,8 @@ class Bordered:
     @property
     def _depends_on_clock(self) -> bool:
         """Whether more than the rates changes with the duration."""
-        timed = any(e is not None and e.on.depends_on_time for e in self.problem.surfaces)
-        return timed or self.problem.system.structure.depends_on_time
+        problem = self.problem
+        return problem.has_moving_surface or problem.system.structure.depends_on_time
 
     def quadrature_defect(self, y: Array, *, followed: bool = True) -> tuple[Array, float]:
         """Return what another quadrature adds to the residual, (size,), and a free body's drift."""

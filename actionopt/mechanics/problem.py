@@ -431,12 +431,27 @@ class Problem:
         Events between the ends, a surface or a coordinate at the start tell where they begin; along
         an obstacle that coordinate is held.
         """
-        if self.advance is None or self.through or self.joints[0].on is not None:
+        if not self.may_be_shifted or self.system.structure.forced:
             return False
-        if self.system.r and self.start.pinned:
-            return False
-        structure = self.system.structure
-        return not (structure.depends_on_time or structure.forced)
+        begun = bool(self.through) or self.joints[0].on is not None
+        return not (begun or (self.system.r and self.start.pinned))
+
+    @property
+    def may_be_shifted(self) -> bool:
+        """Whether paths close and L has no clock: a path moved along itself closes as well."""
+        return self.advance is not None and not self.system.structure.depends_on_time
+
+    @property
+    def has_moving_surface(self) -> bool:
+        """Whether a surface on which the path begins or ends moves."""
+        return any(e is not None and e.on.depends_on_time for e in self.surfaces)
+
+    def between_places(self, places: Array) -> Problem:
+        """Return the problem between `places` (2, n) where its ends lie on surfaces."""
+        given = zip((self.start, self.end), places, strict=True)
+        ends = [e if e.on is None else Event(e.t, q) for e, q in given]
+        energy = self.energy if self.free_time else None
+        return Problem(self.system, *ends, parameters=self.parameters, energy=energy)
 
     @property
     def phase_coordinates(self) -> tuple[int, ...]:

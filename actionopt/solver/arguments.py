@@ -73,8 +73,7 @@ def check_problem(problem: Problem, others: Sequence[Any] = ()) -> None:
             f"{', '.join(map(repr, others))}"
         )
     asked = problem.original
-    closed = asked.advance is not None and not asked.system.structure.depends_on_time
-    if (asked.through and closed) or asked.closes:
+    if (asked.through and asked.may_be_shifted) or asked.closes:
         check_phase(asked)
 
 

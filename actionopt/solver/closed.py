@@ -86,7 +86,7 @@ def begin_on_surface(path: Path, problem: Problem) -> list[Path]:
     That is where the start is to be; those that come nearest first.
     """
     on = problem.start.on
-    if problem.advance is None or on is None or problem.system.structure.depends_on_time:
+    if on is None or not problem.may_be_shifted:
         return [path]
     since = np.linspace(0.0, path.mesh.duration, LOOKED_AT + 1)[:-1]
     t = path.mesh.boundaries[0] + since

@@ -123,8 +123,9 @@ def explain_barrier(problem: Problem) -> str:
     it must not be above the energy at rest at an end, nor on the way between of one coordinate.
     """
     system, ends = problem.system, (problem.start, problem.end)
-    moving = any(e.on is not None and e.on.depends_on_time for e in ends)  # another energy
-    if not (problem.free_time and _conserves_energy(problem)) or problem.closes or moving:
+    if not (problem.free_time and _conserves_energy(problem)) or problem.closes:
+        return ""
+    if problem.has_moving_surface:  # another energy
         return ""
     places = [np.array(e.q, dtype=float) for e in ends if len(e.pinned) == system.n]
     if not places:

@@ -208,10 +208,8 @@ class Iterate(DiscretePath):
     @property
     def can_be_one_of_many(self) -> bool:
         """Whether ends may leave a family of paths that the path's own round-off does not show."""
-        problem, structure = self.problem, self.problem.system.structure
-        # A closed path without a clock may start anywhere along itself.
-        shifted = problem.advance is not None and not structure.depends_on_time
-        return (problem.system.n > 1 or shifted) and not structure.forced
+        system = self.problem.system
+        return (system.n > 1 or self.problem.may_be_shifted) and not system.structure.forced
 
     def with_probed(self, many: bool) -> Self:
         """Return the same with the `probe` after a step of inverse iteration; `many` as above."""

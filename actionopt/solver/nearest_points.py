@@ -15,7 +15,7 @@ from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal
 from actionopt.solver.between import solve_on_the_way
 from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR
@@ -86,13 +86,8 @@ def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple
     for pair in near(problem) if pairs is None else pairs:
         if any(np.all(np.abs(pair - q) < APART * size) for *_, q in found):
             continue
-        ends = [
-            e if e.on is None else Event(e.t, q)
-            for e, q in zip((problem.start, problem.end), pair, strict=True)
-        ]
-        values, energy = problem.parameters, problem.energy
         with suppress(ValueError):
-            fixed = Problem(problem.system, *ends, parameters=values, energy=energy)
+            fixed = problem.between_places(pair)
             S, at = _line(fixed, like)
             like = None if problem.free_time else at.tr
             found.append((S, at.path, fixed, pair))
@@ -170,7 +165,7 @@ def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
     q, times = np.array(known), [e.t for e in ends]
     t = given_time(problem)
     q[[k for k in (0, 1) if ends[k].on is not None]] += away
-    timed = any(e.on is not None and e.on.depends_on_time for e in ends)
+    timed = problem.has_moving_surface
     both = all(e.on is not None for e in ends)
     for again in range(AGAIN if both or (timed and problem.free_time) else 1):
         for k in (1, 0):

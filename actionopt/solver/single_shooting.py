@@ -108,7 +108,7 @@ def can_depart(problem: Problem) -> bool:
     Not where there are constraints, whose velocities would have to be drawn from the tangent space,
     nor where motions depend on a time at which they start that is to be found.
     """
-    clocked = problem.system.structure.depends_on_time or _is_timed(problem)
+    clocked = problem.system.structure.depends_on_time or problem.has_moving_surface
     return not (problem.system.m or problem.closes or (problem.start.t is None and clocked))
 
 
@@ -124,15 +124,10 @@ def arrivals(
         yield from way(problem, starts, size, watch)
 
 
-def _is_timed(problem: Problem) -> bool:
-    """Whether a surface on which an event lies moves."""
-    return any(e.on is not None and e.on.depends_on_time for e in (problem.start, problem.end))
-
-
 def _keeps_energy(problem: Problem) -> bool:
     """Whether motions that set out with the energy asked for arrive with it."""
     structure = problem.system.structure
-    return not (structure.forced or structure.depends_on_time or _is_timed(problem))
+    return not (structure.forced or structure.depends_on_time or problem.has_moving_surface)
 
 
 def _aim(

@@ -206,7 +206,7 @@ def objection(solution: Solution) -> str:
     """Return why a stationary path is no answer, in a sentence; empty if it is one."""
     problem, legs = solution.problem, solution.legs
     joints, packed = problem.joints, problem.packed
-    if problem.advance is not None and not problem.system.structure.depends_on_time:
+    if problem.may_be_shifted:
         (p0, p1), tr = solution.momenta, solution.discrete.tr
         rest = ROUNDED * tr.action_unit / tr.place_units  # where nothing moves
         apart = np.abs(p1 - p0[list(problem.closed_places)])

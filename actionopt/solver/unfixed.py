@@ -27,7 +27,6 @@ from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.newton import is_roundoff
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import family
 from actionopt.solver.arguments import Guess
@@ -508,11 +507,7 @@ class Unfixed(Workspace[UnfixedPath]):
 def _by_ipopt(problem: Problem, path: Path, choices: Choices) -> Path:
     """Return what Ipopt makes of a path over its duration and between its ends."""
     there = over(problem.loose, path.mesh.duration)
-    ends = [
-        e if e.on is None else Event(e.t, q)
-        for e, q in zip((there.start, there.end), path.values.T[[0, -1]], strict=True)
-    ]
-    given = Problem(there.system, *ends, parameters=there.parameters)
+    given = there.between_places(path.values.T[[0, -1]])
     return between(given, path, replace(choices, mesh=None), verdict=False)[0].path
 
 
