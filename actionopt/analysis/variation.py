@@ -179,7 +179,7 @@ def variation(
         raise ValueError(
             f"expected a Path or a callable of times that returns (n, K), found {eta!r} as eta"
         )
-    mesh, known = resolving(solution.mesh, eta), solution.discrete
+    mesh, known = resolve_eta(solution.mesh, eta), solution.discrete
     at = known.on(mesh, known.multipliers(mesh.nodes)).polish()
     units = numbers(unit, "the unit")
     if not are_units(units, problem.system.n):
@@ -191,7 +191,7 @@ def variation(
     return Variation(found, at.lam, Path(mesh, _allowed_part(found, Path.interpolate(eta, mesh)).T))
 
 
-def resolving(mesh: Mesh, eta) -> Mesh:
+def resolve_eta(mesh: Mesh, eta) -> Mesh:
     """Return the mesh with elements halved until it resolves eta as well."""
     for _ in range(KINK_HALVINGS):
         values = Path.interpolate(eta, mesh).values.T

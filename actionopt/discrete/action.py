@@ -439,10 +439,10 @@ class Action:
         return found[:, :-n], found[:, -n:]
 
     def shifts(self, places: Array) -> list[Array]:
-        """Return how the state changes with the logarithm of an element's length, places kept.
+        """Return the derivatives of the state by log h, h an element's length, with places kept.
 
-        The first and the second derivative, (evaluations, width + n) each: a value at an end that
-        is the derivative k adds to the derivative i of the path in proportion to h^(k - i).
+        The first and the second one, (evaluations, width + n) each: the derivative of order k at an
+        end contributes to the derivative of order i of the path in proportion to h^(k - i).
         """
         n, layout = self.problem.system.n, self.layout
         found = [np.empty((layout.evaluations, layout.width + n)) for _ in range(2)]

@@ -383,7 +383,7 @@ def equations_of(
                 lam[node, lost] = reactions(here, k)[1][lost] / weight[node]
     equations, y = Bordered.around(asked, at.path, lam, tr.lengths, **known)
     for border, part in zip(equations.borders, equations.parts, strict=True):
-        if isinstance(border, Rows):  # what is given at its event balances the rest
+        if isinstance(border, Rows):  # coordinates given at its event bear a part of the momentum
             y[part] = border.begin(at)
     return equations, y
 

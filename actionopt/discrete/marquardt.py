@@ -207,6 +207,6 @@ class _Systems:
         both = np.zeros(2 * right.size)
         both[self.place] = right
         values = self.stepping.sum(np.concatenate([*A, *A, -M, M]))
-        # No order but this: CasADi's solvers of the same name ignore that option.
+        # `ca.ldl` can be told to keep the unknowns' order; CasADi's solvers ignore that option.
         factors = ca.ldl(ca.DM(self.stepping.sparsity, memoryview(values)), False)  # type: ignore
         return ca.ldl_solve(ca.DM(both), *factors).full().ravel()[self.place + 1]

@@ -428,7 +428,7 @@ class Stack:
     def coefficients(self, second: list[Array], shift: Array | None = None) -> list[Array]:
         """Return the nonzeros of `second` times weights and lengths, (nonzeros, P, E C).
 
-        As `assemble` takes them; L_vv less `shift` (C,) times itself.
+        `assemble` takes them in this form. L_vv is multiplied by 1 - `shift` (C,).
         """
         A, B, C = (x.swapaxes(0, 1) for x in second)
         C = C / self.half if shift is None else C * ((1 - shift) / self.half)

@@ -85,9 +85,9 @@ def sheets(solved: NDInt, index: NDInt | None, told: Array, leaps: Sequence[NDIn
 def leaps(action: Array, slopes: Array, values: Array, axis: int) -> NDInt:
     """Return where the action leaps along an axis of these `values`.
 
-    `slopes` are its derivatives by them. Between two members it changes by the integral of the
-    slope, which lies between those of both; where the slope turns, a little beside: the less it
-    changes around, and at the edge as much as in the next step.
+    `slopes` are its derivatives by them. Between two members the action changes by the integral of
+    the slope, which lies between the slopes of both. Where the slope has an extreme between them it
+    may lie beside, by about as much as the slope changes in the steps around.
     """
     S, p = (np.moveaxis(x, axis, -1) for x in (action, slopes))
     h = np.diff(values)

@@ -237,10 +237,10 @@ class _SweepRun:
             self.intake.journal.append({"seed": i, **more, **kept.pack("seed")})
 
     def _pilot(self) -> int:
-        """Find a first seed; return how many unknowns it has.
+        """Find a first seed, a member that can be solved; return how many unknowns it has.
 
-        That is the first of some members that can be solved or, before others are tried, the one
-        from which the problem as it was given, with numbers of its own, is not far.
+        The first member in order is tried; then the problem as it was given, from whose own values
+        a walk leads to the member nearest to them; then others, evenly chosen.
         """
         grid, tol, unknowns = self.grid, self.runs.tol, 0
         places = np.linspace(0, grid.size - 1, PILOTS).astype(int)

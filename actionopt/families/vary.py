@@ -169,9 +169,9 @@ def slope(problem: Problem, known: Mapping[str, Array], name: Name) -> Array:
 
 
 def slope_along(solution: Solution, names: Iterable[Name]) -> list[float]:
-    """Return dS by quantities; NaN where S is no function of them alone.
+    """Return the derivatives of S by quantities, NaN where S is no function of these alone.
 
-    With forces that are not conservative, contact, or durations that are found.
+    So it is with forces that are not conservative, in contact, or where a duration is found.
     """
     problem, names = solution.problem, list(names)
     forced, free_time = problem.system.structure.forced, problem.original.free_time

@@ -84,9 +84,9 @@ def vanishes(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) 
 
 
 def negligible(found: Array) -> bool:
-    """Return whether what sums leave of their terms, (rows, K), is their round-off.
+    """Return whether sums vanish up to round-off, `found` (rows, K) in the sizes of their terms.
 
-    Raises ValueError if none is finite.
+    Raises ValueError if they are finite at no point.
     """
     known = np.isfinite(found).all(axis=0)
     if not known.any():

@@ -157,7 +157,7 @@ class Laws:
         narrow = narrowness(L)
         jumpless = narrow == 0 or (narrow == 1 and is_jumpless(L))
         jumpless &= ca.OP_CALL not in L.operations  # a table ends with a step
-        # What is as wide as its periods has no kink; if all move, it does not matter.
+        # Kinks matter only in second derivatives that would be taken for constant.
         smooth = not narrow or all(moved[:3]) or is_smooth_in_path(L)
         laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
         if self.m:

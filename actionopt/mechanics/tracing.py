@@ -166,7 +166,10 @@ def suggestion(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
 
 
 def _finite(name: str, value: ArrayLike) -> Array:
-    """Return a copy, read-only: what was solved with it stays true."""
+    """Return a copy of a parameter's value that cannot be changed after a path was solved with it.
+
+    Raises ValueError if it is not finite, or has more than two axes.
+    """
     found = numbers(value, f"parameter {name!r}")
     if found.ndim > 2:
         raise ValueError(f"expected parameter {name!r} with at most two axes, found {found.ndim}")

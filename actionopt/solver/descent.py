@@ -101,8 +101,8 @@ def _runs_away(tr: Transcription, first: Array, z: Array) -> bool:
 def falls_from(tr: Transcription, saddle: Array, loose: Array) -> bool:
     """Whether S falls all the way along a straight line from a saddle to a path that has run away.
 
-    With constants added to the coordinates that are `loose` (k,), held nowhere; if none is, along
-    the variation that lowers it most for its velocities, by the power method with K^-1 H.
+    The line adds one constant to the coordinates that are `loose` (k,), given at neither end. Where
+    there are none it follows the variation of the lowest eigenvalue of K^-1 H (power method).
     """
     with np.errstate(all="ignore"):
         if loose.size:

@@ -89,7 +89,10 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
 
 
 def check_once(ws: Workspace, mesh: Mesh, path: Path | None) -> None:
-    """Refuse what no path can be of, in the question's words: before its rows are held."""
+    """Check the question as it was asked, the first time, before its obstacle becomes constraints.
+
+    Raises ValueError as `preflight.check` does, in the words of the question.
+    """
     if not ws.checked:
         plain = Transcription(ws.question, mesh, ws.question.lengths)
         check(plain, plain.straight() if path is None else path.on(mesh).values.T)

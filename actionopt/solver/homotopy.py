@@ -96,7 +96,10 @@ class HomotopyCurve:
         return bool(norm > 0)
 
     def _step_along(self) -> bool:
-        """Go along it as far as the corrector follows, and not far beyond s = 1."""
+        """Take a step along the curve, as long as its corrector converges and s <= `CURVE_END`.
+
+        False if none is taken, or it led so far away that the curve is given up.
+        """
         assert self.direction is not None
         while self.length >= SHORTEST_ARC:
             step, ds = self.length, self.ds

@@ -96,7 +96,7 @@ def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple
 
 
 def _has_inertia(at: DiscretePath) -> bool:
-    """Return whether no mass is negative along a path, if it is not the same everywhere."""
+    """Return whether all masses are at least zero along a path; constant ones are not looked at."""
     system = at.problem.system
     if system.structure.constant_mass:
         return True

@@ -259,7 +259,8 @@ class _Arrived:
 def _sizes(Q: Array) -> tuple[Array, Array]:
     """Return the largest |q| of each coordinate along paths (P, n, E, C), (n, C), as `sizes`.
 
-    And where these are what they seem, (C,): neither no path at all nor one up to rounding.
+    And for which paths these can be relied on, (C,): some coordinate is not zero, and none is so up
+    to round-off only.
     """
     size = np.abs(Q).max(axis=(0, 2))
     largest = size.max(axis=0)

@@ -61,10 +61,10 @@ def curves(
 
 
 def hits(problem: Problem) -> Iterator[Path]:
-    """Yield motions from the start that end at the end: each is aimed by itself; slow ones first.
+    """Yield motions from the start that arrive at the end, slow ones first.
 
-    By Newton's method on its velocity, from where it need not come near any other: what is met half
-    way may all be on one side of a pole.
+    The velocity of each is changed by Newton's method. That finds paths that `meetings` do not, as
+    where all motions that meet half way pass a pole of the potential on one side.
     """
     end = np.array(problem.end.q, dtype=float)
     far = end - np.array(problem.start.q, dtype=float)

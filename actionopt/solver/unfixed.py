@@ -207,7 +207,7 @@ class Unfixed(Workspace[UnfixedPath]):
     def answer(self) -> tuple[Problem, DiscretePath]:
         """Return what was asked, its times and ends found, and the path in the units at hand."""
         here = self.here
-        # Where the error is as large as the path, that ran away from any surface.
+        # A path whose error is as large as itself has run away: its places are on no surface.
         Q = here.Q[here.tr.joints] if here.error < 1 else None
         problem = self.problem.found_at(times_of(here.problem), Q, self._kappa)
         tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)

@@ -40,7 +40,8 @@ def solution_of(ws: Workspace, status: Status, found_by: str, started: float) ->
         "derived": problem.system.derived,
         "time": dict(record.time),
     }
-    # An error within the tolerance is told of what is resolved: the mesh alone shows no other.
+    # Only a path that is resolved may claim an error within the tolerance: another one's, read off
+    # its mesh alone, may be far too small.
     unknown = status in UNKNOWN and here.error <= ws.tol
     lam, error = found.rows.T, np.inf if unknown else here.error
     return Solution(problem, found.path, action, lam, error, status, stats, known=found)

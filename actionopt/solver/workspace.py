@@ -291,7 +291,7 @@ class Workspace(Generic[Place]):
         self.gain, self.best, self.unbalance = UNKNOWN_GAIN, None, None
 
     def stop(self) -> None:
-        """Go back to where it was polished last, for want of time; watched no more."""
+        """Go back to the path that was polished last, as the time is up, and watch it no more."""
         self.watch = None
         if self.best is not None:
             self.here = self.best

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import Solution
-from actionopt.analysis.variation import resolving
+from actionopt.analysis.variation import resolve_eta
 from actionopt.discrete.factors import Factors, diagonal
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
@@ -136,7 +136,7 @@ def relaxation_data(
             "write it in coordinates that need none"
         )
     start = wild(solution) if start is None else start
-    mesh = resolving(solution.mesh, start)
+    mesh = resolve_eta(solution.mesh, start)
     tr = Transcription(solution.problem, mesh, solution.discrete.tr.lengths)
     first = Path.interpolate(start, mesh).values.T
     goal, z = follow(tr, tr.pack(solution(mesh.nodes).T)).z, tr.pack(first)
