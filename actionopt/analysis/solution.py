@@ -133,7 +133,7 @@ class Solution:
             return _read_only(*momenta(self.between_times.discrete).values.T[[0, -1]])
         if system.order > 1:
             return self._free_momenta
-        if not (system.m or (system.r and (self._held_at(0) or self._held_at(1)))):
+        if not (system.m or (system.r and (self._is_held_at(0) or self._is_held_at(1)))):
             return self._free_momenta
         p0, p1 = (
             system.momentum(s.q, s.v, s.t, parameters=parameters) for s in (self.start, self.end)
@@ -730,14 +730,14 @@ class Solution:
         if system.order > 1:
             places = self.discrete.tr.place(self.discrete.x).places
             return State(t, q, places[-k, q.size : 2 * q.size])
-        if system.r and self._held_at(k):  # the momentum does not tell
+        if system.r and self._is_held_at(k):  # the momentum does not tell
             return State(t, q, v)
         # A failed attempt may have no such velocity: the polynomial's stands.
         with suppress(ValueError, np.linalg.LinAlgError):
             v = system.velocity(q, self._free_momenta[k], t, v, parameters=parameters)
         return State(t, q, v)
 
-    def _held_at(self, k: int) -> bool:
+    def _is_held_at(self, k: int) -> bool:
         """Whether the path is in contact next to the start (k = 0) or the end (1)."""
         t = self.mesh.boundaries[-k]
         return any(not arc.point and t in (arc.begin, arc.end) for arc in self.contacts)

@@ -339,7 +339,7 @@ class Search:
                 # There may be a least path yet; this one is kept in case there is not.
                 self.saddle = self.saddle or (strategy.name, ws.here.bare())
                 return Status.NOT_FOUND
-            if self._lost_before():
+            if self._was_lost():
                 status = Status.UNRESOLVED
                 continue
             found = ws.here.bare()
@@ -351,7 +351,7 @@ class Search:
                 break
         return status
 
-    def _lost_before(self) -> bool:
+    def _was_lost(self) -> bool:
         """Whether the path at hand is one of those that could not be refined, by the same means."""
         here = self.ws.here
         return any(

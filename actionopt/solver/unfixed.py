@@ -226,7 +226,7 @@ class Unfixed(Workspace[UnfixedPath]):
             if is_at_rest(path.values.T):
                 return self.reach_family(path) and (self._is_begun() or self._begin(ROUGH))
             self.size = float(np.abs(path.values).max())
-        if self.problem.phase_coordinates and self._begun_near(path):
+        if self.problem.phase_coordinates and self._begin_near(path):
             return True
         problem = self.problem.loose
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
@@ -238,13 +238,13 @@ class Unfixed(Workspace[UnfixedPath]):
             return False
         here = self.here
         passed = self.with_boundaries(here.mesh) is not here.mesh  # by an event: a pulse
-        if passed and not self._followed_again(here.path, here.rows):
+        if passed and not self._follow_again(here.path, here.rows):
             return False
         if self._shrank():
             return False
         return problem is self.problem or self._begin(ROUGH)
 
-    def _begun_near(self, path: Path) -> bool:
+    def _begin_near(self, path: Path) -> bool:
         """Go to the closed path near a rough one that begins where that passes what is given."""
         begun = self._shift_to_start(path)
         if begun is None:
@@ -277,7 +277,7 @@ class Unfixed(Workspace[UnfixedPath]):
             )
             return False
         shift = min(begins, key=abs)
-        if not self._followed_again(begin_later(here.path, shift, self.problem), None):
+        if not self._follow_again(begin_later(here.path, shift, self.problem), None):
             self.hint = "no closed path near the guess begins at what the start gives"
             return False
         return True
@@ -291,7 +291,7 @@ class Unfixed(Workspace[UnfixedPath]):
         off = np.abs(here.Q[0, pinned] - wanted) / here.tr.lengths[pinned]
         return bool(off.max() <= ROUNDED)
 
-    def _followed_again(self, path: Path, lam: Array | None) -> bool:
+    def _follow_again(self, path: Path, lam: Array | None) -> bool:
         """Follow the path at hand, begun elsewhere or its phase set anew; False if it is lost."""
         gain = self.here.gain
         self.here = replace(self._around(path, lam), gain=gain)
@@ -455,21 +455,21 @@ class Unfixed(Workspace[UnfixedPath]):
     def _refine(self) -> Status:
         """Refine; a closed path that is pushed also with its phase set about where it is now."""
         while self.here.push_force > HELD_FORCE:
-            if not self._pushed_less():
+            if not self._lessen_push():
                 return self._hold()
         status = refine(self, self.tol, least=False)
-        while status.success and self._is_pushed(self.here) and self._pushed_less():
+        while status.success and self._is_pushed(self.here) and self._lessen_push():
             status = refine(self, self.tol, least=False)
         return status
 
-    def _pushed_less(self) -> bool:
+    def _lessen_push(self) -> bool:
         """Set the phase of a pushed path about where it is; False if that does not help.
 
         For a rough path round a centre, a shift of time and a turn are two directions; where it is
         held by both, it cannot become the circle on which they are one.
         """
         here = self.here
-        again = not self.along and self._followed_again(here.path, here.rows)
+        again = not self.along and self._follow_again(here.path, here.rows)
         if again and self.here.moves and self.here.push_force < here.push_force / 2:
             return True
         self.here = here
