@@ -15,6 +15,7 @@ import numpy as np
 from actionopt.analysis.second_variation import tangent
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.mechanics.evaluation import solve_motion
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import Watch, check_time
@@ -136,16 +137,11 @@ def _acceleration(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     times = np.broadcast_to(t, shape[1:]).reshape(-1)
     q, v = q.reshape(n, -1), v.reshape(n, -1)
     try:
-        if system.m:
-            a = system.acceleration(q, v, times, parameters=problem.parameters)
-        else:
-            motion = system.pointwise("motion")
-            M, bias = motion(q.T, v.T, times[:, None], problem.packed)[:2]
-            a = bias.T / M.T if n == 1 else np.linalg.solve(M.reshape(-1, n, n), bias[..., None])
-            a = a if n == 1 else a[..., 0].T
+        known = system.pointwise("motion")(q.T, v.T, times[:, None], problem.packed)[:4]
+        a = known[1] / known[0] if n == 1 else solve_motion(*known)[:, :n]
     except np.linalg.LinAlgError:  # one singular motion spoils the batch
         return np.full(shape, np.nan)
-    return np.array(a, dtype=float).reshape(shape)
+    return np.array(a.T, dtype=float).reshape(shape)
 
 
 def motions(

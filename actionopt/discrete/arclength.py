@@ -42,6 +42,8 @@ CORRECTIONS = 6  # of Newton's method: a step that takes more was too long
 LAST_CORRECTION = 1e-9
 # Step in s, relative to its range, for dr/ds: near EPS^(1/3), as central differences ask.
 DIFFERENCE = 1e-6
+# How far on dr/ds serves for the direction of a branch, which it turns by the square: ad hoc.
+SAME_SLOPE = 1e-3
 RUNAWAY_SIZE = 1e4  # coordinates this many times their size are no path worth following
 
 Discrete = Transcription | Bordered | ContactEquations
@@ -109,6 +111,7 @@ class Branch:
     like: Transcription | None = None
     bordered: Bordered | ContactEquations | None = None  # where more than the path is to be found
     factors: Factors | None = None  # of a matrix before, from which solutions may be refined
+    slope: tuple[Array, Array] | None = None  # dr/ds (size,), and where it was taken
     solves: int = 0  # linear systems so far
 
     def first_unknowns(self, path: Path, lam: Array | None, s: float) -> Array:
@@ -177,9 +180,12 @@ class Branch:
         By Newton's method; None if it takes more than `most` steps, or does not contract.
         """
         last, tr = np.inf, self.at(float(y[-1]))
+        before, self.slope = self.slope, None
         with np.errstate(all="ignore"):
             for k in range(1, most + 1):
-                change = self._solve_bordered(tr, y, row, np.r_[tr.residual(y[:-1]), 0.0])
+                # The first step needs no slope of its own: s hardly changes across the branch.
+                slope = before[0] if before and k == 1 else self._slope(tr, y)
+                change = self._solve_bordered(tr, y, row, np.r_[tr.residual(y[:-1]), 0.0], slope)
                 if change is None:
                     return None
                 size = self._size(tr, change)
@@ -225,22 +231,31 @@ class Branch:
         """Return the unit vector along the branch, on the side of the point's own direction."""
         right = np.r_[np.zeros(point.z.size), 1.0]
         y = np.r_[point.z, point.s]
-        found = self._solve_bordered(point.tr, y, point.direction, right)
+        slope = self._slope(point.tr, y)
+        found = self._solve_bordered(point.tr, y, point.direction, right, slope)
         if found is None or not np.all(np.isfinite(found)):
             return point.direction
         return found / self.norm(point.tr, found)
 
-    def _solve_bordered(self, tr: Discrete, y: Array, row: Array, right: Array) -> Array | None:
+    def _slope(self, tr: Discrete, y: Array) -> Array:
+        """Return dr/ds (size,) at y, or where it was taken last if that is near."""
+        known = self.slope
+        if known is None or not self.norm(tr, y - known[1]) <= SAME_SLOPE:
+            z, s, h = y[:-1], float(y[-1]), DIFFERENCE * self.range
+            column = (self.at(s + h).residual(z) - self.at(s - h).residual(z)) / (2 * h)
+            self.slope = known = column, y
+        return known[0]
+
+    def _solve_bordered(
+        self, tr: Discrete, y: Array, row: Array, right: Array, slope: Array
+    ) -> Array | None:
         """Solve the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch."""
-        z, s = y[:-1], y[-1]
         self.solves += 1
-        h = DIFFERENCE * self.range
-        cut = tr.layout.unknowns
+        z, cut = y[:-1], tr.layout.unknowns
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
         known = self.factors
         try:
-            column = (self.at(s + h).residual(z) - self.at(s - h).residual(z)) / (2 * h)
-            edges = column[:, None], last[None, :-1], last[-1:, None]
+            edges = slope[:, None], last[None, :-1], last[-1:, None]
             layout, nonzeros = border_matrix(tr.layout, tr.kkt(z), *edges)
             same = known is not None and known.layout is layout and not layout.small
             near = known.near(nonzeros) if known and same else Factors(layout, nonzeros)

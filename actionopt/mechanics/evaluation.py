@@ -185,22 +185,12 @@ class NumericLaws(Laws):
             if not mass.all():
                 raise np.linalg.LinAlgError("Singular matrix")
             return bias / mass, np.zeros((0, *bias.shape[1:]))
-        M, bias, G, gamma = self._at("motion", q, v, t, parameters)
-        shape = bias.shape[1:]
-        count = bias[0].size
-        K = np.zeros((n + m, n + m, count))
-        K[:n, :n] = M.reshape(n, n, count)
-        if m:
-            G = G.reshape(n, m, count)
-            K[:n, n:] = -G
-            K[n:, :n] = G.transpose(1, 0, 2)
-        K = K.transpose(2, 0, 1)
-        right = np.concatenate([bias.reshape(n, count), -gamma.reshape(m, count)]).T
-        if active is not None:
-            i, k = np.nonzero(~active.reshape(m, count))
-            K[k, n + i, :] = K[k, :, n + i] = 0.0
-            K[k, n + i, n + i], right[k, n + i] = 1.0, 0.0
-        solved = np.linalg.solve(K, right[..., None])[..., 0].T
+        self.check_order("a value at one q, v and t")
+        arguments, single = self.arguments(q, v, t, parameters)
+        shape = () if single else arguments[0].shape[:1]
+        held = None if active is None else active.reshape(m, -1).T
+        M, bias, G, gamma = self.pointwise("motion")(*arguments)[:4]
+        solved = solve_motion(M, bias, G, gamma, held).T
         return solved[:n].reshape(n, *shape), solved[n:].reshape(m, *shape)
 
     def _at(self, name: str, q, v, t, parameters) -> list[Array]:
@@ -232,6 +222,28 @@ class NumericLaws(Laws):
             )
         arguments += [times.reshape(-1, 1), self.table.pack(self.table.values(parameters))]
         return arguments, single
+
+
+def solve_motion(
+    M: Array, bias: Array, G: Array, gamma: Array, active: NDArray[np.bool_] | None = None
+) -> Array:
+    """Return accelerations and multipliers (K, n + m) of M a = bias + G' lambda, G a = -gamma.
+
+    M (K, n n), bias (K, n), G' (K, n m), gamma (K, m); `active` (K, m) as in `dynamics`.
+    """
+    (count, n), m = bias.shape, gamma.shape[1]
+    if not m:
+        return np.linalg.solve(M.reshape(count, n, n), bias[..., None])[..., 0]
+    K = np.zeros((count, n + m, n + m))
+    K[:, :n, :n] = M.reshape(count, n, n)
+    K[:, n:, :n] = G.reshape(count, n, m).transpose(0, 2, 1)
+    K[:, :n, n:] = -G.reshape(count, n, m)
+    right = np.concatenate([bias, -gamma], axis=1)
+    if active is not None:
+        k, i = np.nonzero(~active)
+        K[k, n + i, :] = K[k, :, n + i] = 0.0
+        K[k, n + i, n + i], right[k, n + i] = 1.0, 0.0
+    return np.linalg.solve(K, right[..., None])[..., 0]
 
 
 def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:

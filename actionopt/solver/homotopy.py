@@ -133,8 +133,8 @@ class HomotopyCurve:
                 self.count += 1
                 try:
                     factors = Factors(tr.layout, tr.kkt(z), many=True)
-                    miss = factors.solve(tr.residual(z) - (1.0 - s) * self.force)
-                    slope = -factors.solve(self.force)
+                    left = tr.residual(z) - (1.0 - s) * self.force
+                    miss, slope = factors.solve_both(left, -self.force)
                 except np.linalg.LinAlgError:
                     return None
                 # Bordered system: the correction is orthogonal to the direction.
@@ -144,7 +144,10 @@ class HomotopyCurve:
                 size = float(np.max(np.abs(step[:cut])))
                 if not np.isfinite(size) or size > 2 * last:
                     return None
-                z, s, last = z + step, s + float(change), size
+                z, s = z + step, s + float(change)
                 if size < CORRECTOR_TOL:
                     return z, s, slope, k
+                if k > 1 and size * (size / last) ** 2 < CORRECTOR_TOL:  # the next would be last
+                    return z, s, slope, k + 1
+                last = size
         return None
