@@ -332,3 +332,14 @@ def test_from_rest_to_rest_round_a_disc():
     assert sol(arc.begin) == pytest.approx(ends[0][:2], abs=1e-5)
     assert sol(arc.end) == pytest.approx(ends[1][:2], abs=1e-5)
     assert sol(0.0)[0] == pytest.approx(0.0, abs=1e-9)  # the middle, at the time that it has else
+
+
+def test_a_rest_at_zero_may_have_the_force_of_round_off():
+    """A force of 6e-16 is the round-off of pi; one of 1e-10 is none."""
+    ends = ao.Event(0.0, [1.0]), ao.Event(math.inf, [0.0])
+    hung = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 5 * (1 + np.cos(q[0] + np.pi)), ["a"])
+    found = ao.solve(ao.Problem(hung, *ends))
+    assert found.action == pytest.approx(4 * np.sqrt(5) * (1 - np.cos(0.5)), rel=1e-7)
+    pushed = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 + 1e-10 * q[0], ["x"])
+    with pytest.raises(ValueError, match=r"expected an equilibrium.*one is near \[-1e-10\]"):
+        ao.solve(ao.Problem(pushed, *ends))
