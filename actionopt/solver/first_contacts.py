@@ -280,7 +280,7 @@ def is_of_higher_order(found: DiscretePath) -> bool:
         x.constraint_jacobian(found.Q.T, t, parameters=held.parameters) for x in (held.system, own)
     )
     slopes = np.linalg.norm(told * 2.0 ** measures(held.lengths)[:, None], axis=1)
-    for i, row in enumerate(held.active(t)):
+    for i, row in enumerate(held.active(t) & np.isfinite(slopes)):  # none on a power's surface
         if i < held.free.system.m or not row.any() or (told[i] == given[i]).all():
             continue
         k = np.round(1 / np.maximum(np.median(slopes[i, row]), EPS))

@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, solve_on_the_way
+from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import NEAR_DURATION
 from actionopt.solver.first_mesh import FIRST_TOL
 from actionopt.solver.first_paths import (
@@ -154,8 +156,17 @@ def _through_given(
         if guess is not None:
             yield read_guess(problem, guess)
             return
+        passing = _passing_anyway(problem, given, watch)
+        if passing is not None:  # no other has less action
+            yield passing
+            return
         tries = islice(attempts(plain, FIRST_TOL, None, watch), MOST_WAYS)
-        free = next((solution for solution, _ in tries if solution.success), None)
+        free = None
+        for solution, _ in tries:  # a saddle, if there is no other
+            if solution.success and (free is None or not solution.inertia.index):
+                free = solution
+                if not free.inertia.index:
+                    break
         if free is not None:
             yield free.path, times_of(free.problem)
         yield from starts(plain, None)
@@ -182,6 +193,35 @@ def _through_given(
             tried += 1
         if tried == TRIED:
             return
+
+
+def _passing_anyway(
+    problem: Problem, given: dict[str, Any], watch: Watch | None
+) -> tuple[Path, Array] | None:
+    """Return a path between the ends that passes the events without being asked to, and when."""
+    if problem.has_open_ends or isinstance(problem.question, tuple):
+        return None
+    if any(e.on is not None for e in problem.through):
+        return None
+    plain = Problem(problem.question, problem.start, problem.end, **given)
+    found = solve_on_the_way(plain, FIRST_TOL, watch)
+    if not found.success:
+        return None
+    known = [e.t for e in problem.through if e.t is not None]
+    t = np.union1d(np.linspace(problem.start.t, problem.end.t, LOOKED_AT), known)
+    q, last, when = found(t) / problem.scales[:, None], 0, []
+    far = np.abs(np.diff(q)).max()
+    for e in problem.through:
+        pinned = list(e.pinned)
+        place = np.array([e.q[i] for i in pinned], dtype=float) / problem.scales[pinned]
+        off = np.abs(q[pinned] - place[:, None]).max(axis=0, initial=0.0)
+        passed = (off <= far) & (off <= np.roll(off, 1)) & (off <= np.roll(off, -1))
+        passed &= (t == e.t) if e.t is not None else (t > t[last]) & (t < t[-1])
+        if not passed.any():
+            return None
+        last = int(np.argmax(passed))  # the first time
+        when.append(t[last])
+    return found.path, np.array([t[0], *when, t[-1]])
 
 
 def _ends(problem: Problem, path: Path) -> Array:

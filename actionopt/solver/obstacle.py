@@ -145,7 +145,7 @@ class Along(Workspace[Iterate]):
         if held.arcs and layout.rows:
             t = here.mesh.nodes
             G = held.system.constraint_jacobian(here.Q.T, t, parameters=held.parameters)
-            slopes = np.abs(G * old.lengths[:, None]).max(axis=1)
+            slopes = np.nan_to_num(np.abs(G * old.lengths[:, None]).max(axis=1), nan=np.inf)
             units = np.full(held.system.m, np.inf)
             np.minimum.at(
                 units, layout.row_constraint, slopes[layout.row_constraint, layout.row_node]
