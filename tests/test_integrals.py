@@ -171,8 +171,14 @@ def test_events_that_differ_by_round_off_say_no_size(end):
 @pytest.mark.long
 def test_values_that_no_path_has_are_refused():
     short = ao.Problem(ROPE, ao.Event(0, [1]), ao.Event(1, [3]), integral=2.0)
-    with pytest.raises(ValueError, match="no such path"):
+    with pytest.raises(ValueError, match=r"no such path: the least is 2.23606798"):
         ao.solve(short)
+    area = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y"], integral=lambda q, v, t: -np.sqrt(1 + v @ v)
+    )
+    ends = ao.Event(0, [0, 0]), ao.Event(1, [3, 4])
+    with pytest.raises(ValueError, match=r"found -2 and no such path: the largest is -5.0990"):
+        ao.solve(ao.Problem(area, *ends, integral=-2))
 
 
 @pytest.mark.parametrize(

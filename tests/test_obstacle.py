@@ -1111,3 +1111,24 @@ def test_round_one_disc_ipopt_is_not_asked(y):
     angle = np.pi - 2 * np.arctan2(abs(y), 2.0) - 2 * np.arccos(1 / ra)
     assert sol.action == pytest.approx((2 * np.sqrt(ra**2 - 1) + angle) ** 2 / 2, rel=1e-9)
     assert np.sign(sol(0.5)[1]) == np.sign(y)  # the nearer side
+
+
+def test_a_rope_that_is_too_short_is_refused():
+    problem = ao.Problem(rope(), ao.Event(0, [1.0]), ao.Event(3.0, [1.0]), integral=2.9)
+    with pytest.raises(ValueError, match=r"found 2.9 and no such path: the least is 3, along"):
+        ao.solve(problem)
+
+
+@pytest.mark.parametrize("V, action", [(-3, 8 * np.sqrt(1.5) / 3), (3, -11.025)])
+def test_a_place_that_the_least_path_passes_anyway_or_at_another_time(V, action):
+    """The floor is passed at sqrt(2 / 3), before at 0.1; the leg of a throw has a time that is."""
+    system = ao.System(lambda q, v, t: v @ v / 2 - V * q[0], ["y"], obstacle=lambda q, t: q[0])
+    ends = ao.Event(0, [1.0]), ao.Event(3, [1.0])
+    found = ao.solve(ao.Problem(system, *ends, through=[ao.Event(None, [0.1])]))
+    assert found.action == pytest.approx(action, abs=1e-9) and found.kind == "minimum"
+
+
+def test_a_power_as_an_obstacle_is_named():
+    system = ao.System(lambda q, v, t: v @ v / 2 + 3 * q[0], ["y"], obstacle=lambda q, t: q[0] ** 3)
+    with pytest.raises(ao.SolveError, match="found a power of the distance"):
+        ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(3, [1.0])))

@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from actionopt.mechanics.identity import general_points
+from actionopt.mechanics.identity import CANCELLED, general_points
 from actionopt.mechanics.surface import SURFACE_TOLERANCE
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import number
@@ -94,6 +94,40 @@ def check_alike(problem: Any) -> None:
             f"found that {names} does not: at one point L is {L[k]:.6g}, and {there[k]:.6g} in "
             "that order; bodies that take each other's place have equal masses and charges"
         )
+
+
+def check_integrals(problem: Any) -> None:
+    """Raise ValueError for an integral that is less than the least, or more than the largest.
+
+    Of g(v) that is convex, as a length is, the straight line has the least (Jensen's inequality).
+    """
+    system, events, way = problem.system, (problem.start, problem.end), problem.advance
+    T = None if None in (problem.start.t, problem.end.t) else problem.duration
+    if T is None or problem.through or system.order > 1:
+        return
+    if way is None:
+        if min(len(e.pinned) for e in events) < system.n:
+            return
+        way = np.subtract(events[1].q, events[0].q)
+    s = system.symbols
+    for i, asked in enumerate(problem.integral):
+        g = system.g[i]
+        if ca.depends_on(g, ca.vertcat(s.q, s.t)):
+            continue
+        known = [g, ca.hessian(g, s.v)[0]]
+        of = system.memoize(f"integrand {i}", lambda k=known: ca.Function("g", [s.v, s.p], k))
+        packed = problem.packed.ravel()
+        bends = [np.linalg.eigvalsh(of(v, packed)[1].full()) for v in general_points(system.n)]
+        straight = T * float(of(way / T, packed)[0])
+        size = CANCELLED * np.abs(bends).max()
+        for sign, most, few in ((1, "least", "less"), (-1, "largest", "more")):
+            off = sign * (straight - asked) > CANCELLED * abs(straight)
+            if off and (sign * np.array(bends) >= -size).all():
+                raise ValueError(
+                    "expected values of the integrals that a path between the events reaches, "
+                    f"found {asked:g} and no such path: the {most} is {straight:.9g}, along the "
+                    f"straight line, and none has {few}"
+                )
 
 
 def check_surfaces(problem: Any) -> None:

@@ -12,6 +12,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.mechanics.consistency import check_integrals
 from actionopt.mechanics.course import check_phase
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
@@ -54,6 +55,8 @@ def check_arguments(
                 f"events, found {mesh.boundaries[0]} to {mesh.boundaries[-1]}; "
                 "use mesh.moved(start, end)"
             )
+    if problem.integral is not None:
+        check_integrals(problem)
     return None if guess is None else curve(problem, guess)
 
 
