@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 
 from actionopt import scenes
@@ -27,6 +28,7 @@ from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
 from actionopt.tools.words import number, say
 
+SCENE_NAMED = re.compile(rf"((?:scene|Szene|sc\u00e8ne) )({'|'.join(scenes.SCENES)})\b")
 OTHERS = {  # pages beside the lessons: titles, and what makes them
     "plan": ("Two weeks: plan and notes for teachers", plan.page),
     "concepts": ("Twenty questions on ideas", concepts.page),
@@ -162,12 +164,21 @@ def _exercise(k: int, exercise: Exercise) -> str:
         )
     )
     return (
-        f'<div class="exercise"><p><b>{k}.</b> {translate(exercise.question)}</p>'
+        f'<div class="exercise"><p><b>{k}.</b> {_link_scenes(translate(exercise.question))}</p>'
         f"{_guess(k, exercise, float(found[exercise.asked]))}"
         f'<details class="answer"><summary>{say("Answer")}</summary>'
         f"<p>{answer(exercise)}</p>{shown}"
         "</details></div>"
     )
+
+
+def _link_scenes(words: str) -> str:
+    """Return words in which a scene that is named leads to its page.
+
+    >>> _link_scenes("a wire of the scene screw")
+    'a wire of the scene <a href="../screw/index.html">screw</a>'
+    """
+    return SCENE_NAMED.sub(r'\1<a href="../\2/index.html">\2</a>', words)
 
 
 def _links(lesson: Lesson) -> str:

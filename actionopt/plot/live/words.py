@@ -27,7 +27,7 @@ PAGE_WORDS = {
     "show": "Show the motion",
     "parameters": "Parameters",
     "duration": "Duration",
-    "part": "Part of the way",
+    "part": "How far",
     "coordinate": "Coordinate",
     "at": "Path at t = {t}",
     "same": "as on the motion shown",

@@ -23,18 +23,15 @@ LIGHT = Lesson(
     ),
     explain=(
         "Fermat: between two points light takes a way whose time is stationary. With the place "
-        "along the ground as what runs, x, the Lagrangian is n(y) sqrt(1 + y'^2). It does not "
-        "contain x, so n / sqrt(1 + y'^2) is conserved along the ray: that is Snell's law in a "
-        "layered air. Above a hot road the index grows with height and rays bend upwards: the sky "
-        "is seen "
-        "in the road, a mirage.",
+        "along the ground as what runs, x, the Lagrangian is n(y) sqrt(1 + (dy/dx)^2). It does not "
+        "contain x, so n / sqrt(1 + (dy/dx)^2) is conserved along the ray: that is Snell's law in "
+        "a layered air. Above a hot road the index grows with height and rays bend upwards: the "
+        "sky is seen in the road, a mirage.",
         "The fastest slide between two points has as Lagrangian the time for each piece of the "
         "way, its length over the speed sqrt(2 g y) at the depth y. The answer is a cycloid. A "
-        "soap "
-        "film between two rings makes its area stationary, L = y sqrt(1 + y'^2), and the answer is "
-        "the catenary, the curve of a hanging chain, y = c cosh(x / c): the chain makes its centre "
-        "of "
-        "mass as low as it can.",
+        "soap film between two rings makes its area stationary, L = y sqrt(1 + (dy/dx)^2), and the "
+        "answer is the catenary, the curve of a hanging chain, y = c cosh(x / c): the chain makes "
+        "its centre of mass as low as it can.",
         "In all of these the thing that runs need not be time, and the number need not be least. A "
         "ray in a hollow mirror can be the slowest of those with one reflection. Among all ways it "
         "is a saddle: a detour makes it slower still.",
