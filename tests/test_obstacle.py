@@ -552,6 +552,27 @@ def test_a_rope_of_given_length_lies_on_a_floor(seed):
     assert [found.q0[0], found.q1[0]] == pytest.approx(slopes, rel=1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("c", [5e-3, 2e-2])
+def test_ropes_that_hang_nearly_straight_down_lie_on_a_floor(c):
+    """Along the rope itself, L = y ds, heights from a line 0.5 below the floor."""
+    floor, a, b = 0.5, 1.5, 1.2
+    D = c * (np.arccosh(1 + a / c) + np.arccosh(1 + b / c)) + 0.4
+    _, length, weight, _ = on_floor(c, a, b, D)
+    system = ao.System.geodesic(
+        lambda q, v: q[1] * np.sqrt(v @ v),
+        ["x", "y"],
+        obstacle=lambda q, t: q[1] - floor,
+        integral=lambda q, v, t: np.sqrt(v @ v),
+    )
+    ends = ao.Event(0, [0, floor + a]), ao.Event(1, [D, floor + b])
+    sol = ao.solve(ao.Problem(system, *ends, integral=length))
+    whole = weight + floor * length
+    assert sol.action == pytest.approx(whole**2 / 2, rel=1e-9) and sol.morse_index == 0
+    # kappa is of F^2 / 2, and kappa / speed of F itself: the tension c at the level of the floor.
+    assert sol.integral_multipliers == pytest.approx([-whole * (floor - c)])
+
+
 @pytest.mark.long
 def test_ropes_that_grow_come_to_lie_on_the_floor():
     """They hang free until the catenary of the tension c touches it."""

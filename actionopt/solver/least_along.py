@@ -9,6 +9,7 @@ meshes. What is in contact is held there (`obstacle`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 
@@ -16,9 +17,13 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.borders import times_of
 from actionopt.discrete.boundaries import with_boundaries
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.integrals import integrals
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held, measures
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
@@ -34,6 +39,7 @@ from actionopt.solver.first_contacts import (
     sideways,
     touch,
 )
+from actionopt.solver.first_mesh import FIRST_TOL
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.obstacle import (
     DEPENDENT,
@@ -62,6 +68,8 @@ SMALL_OBSTACLE = (
     "round something small or sharp contact is short: below about a thousandth of the path it may "
     "not be found; give a guess that goes round it, or make it larger or rounder"
 )
+# Parts of what integrals differ by from those of straight lines, and first paths and steps there.
+EASED, MOST_EASED, LED = (0.8, 0.5, 0.2), 2, 80
 OTHER_VALUES = "no path outside of the obstacle was found whose integrals have the values given"
 HOPELESS = (NO_ROOM, KINKED, ORDER, DEPENDENT)  # what finer meshes do not mend
 
@@ -100,7 +108,7 @@ def _search(
     ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None
 ) -> Iterator[tuple[Along, Status, bool]]:
     """Yield what is found on finer and finer meshes: see `_least`."""
-    problem = ws.question
+    problem, done = ws.question, False
     since = _first_boundaries(problem)
     for k in range(CONTACT_MESHES):
         if k == 1:
@@ -132,10 +140,16 @@ def _search(
             windows = hidden_contact_times(first[0])
             if not windows:
                 windows = narrow_contact_times(first[0])
-                yield _least(ws, tol, first)
+                found = _least(ws, tol, first)
+                done = found[1].success
+                yield found
             ws.take_up(first[0])
         elif problem.integral is not None:
             ws.hint = OTHER_VALUES
+        if k == 0 and problem.integral is not None and curve_of is None and not done:
+            led = _lead(ws, tol, mesh)
+            if led is not None:
+                yield led
         if k == 0 and (drawn := _draw_strings(ws, tol, mesh, guesses[0])):
             yield drawn
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
@@ -302,6 +316,63 @@ def _another(found: Iterate, tried: list[Iterate]) -> bool:
     return all(difference.max() > FLAT for difference in apart)
 
 
+def _lead(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, bool] | None:
+    """Return what a continuation in the values of integrals leads to, from nearer to straight.
+
+    A rope that nearly hangs straight down turns within less than elements are long, and the tension
+    that is left changes by orders with a little of the length.
+    """
+    asked = ws.question.original
+    times, values = times_of(asked), np.array(asked.integral)
+    tr = Transcription(asked, mesh, asked.lengths)
+    first = integrals(DiscretePath(tr, tr.pack(tr.straight())))[0]
+
+    def slack(share: float) -> Problem:
+        return asked.replace(integral=first + share * (values - first))
+
+    for share in EASED:
+        near = _first_led(ws, mesh, slack(share))
+        if near is not None:
+            break
+    else:
+        return None
+    step = 1.0 - share
+    for _ in range(LED):
+        further = min(share + step, 1.0)
+        last, status = tol if further == 1.0 else FIRST_TOL, Status.NOT_FOUND
+        known = slack(further).found_at(times, kappa=near.here.problem.kappa)
+        there = Along(Held(known), tol=ws.tol, watch=ws.watch, checked=True)
+        there.problem = Held(known, near.contact_problem.arcs)
+        there.transcribe(near.here.mesh, near.here.path, near.here.rows, like=near.here.path)
+        with suppress(ContactChange, np.linalg.LinAlgError):
+            if there.follow() or there.approach():
+                status = refine(there, last, least=True)
+                changed = there.next_contacts(last / 4) if status.success else None
+                if changed is not None:
+                    status = _refine_contact(there, last, changed, resolved=True)
+                elif status.success and further == 1.0:
+                    status = _judge(there, tol, status)
+        if not status.success:
+            step /= 2
+            continue
+        if further == 1.0:
+            return there, status, True
+        near, share, step = there, further, 2 * step
+    return None
+
+
+def _first_led(ws: Along, mesh: Mesh, problem: Problem) -> Along | None:
+    """Return a search that found a path of other values of integrals, or None."""
+    other = Along(Held(problem), tol=ws.tol, watch=ws.watch, checked=True)
+    for guess in lines(problem, mesh)[:MOST_EASED]:
+        other.restart()
+        if touch(other, mesh, guess, "patient least"):
+            arcs = contact_parts(other.here)
+            if _refine_contact(other, FIRST_TOL, arcs, resolved=True).success:
+                return other
+    return None
+
+
 def release_contacts(ws: Along, tol: float, near: Solution) -> Status:
     """Go from a path between given events to one whose ends or duration are to be found.
 
@@ -319,18 +390,23 @@ def release_contacts(ws: Along, tol: float, near: Solution) -> Status:
 
 
 def _refine_contact(
-    ws: Along, tol: float, arcs: tuple[Arc, ...], curve: Path | None = None
+    ws: Along,
+    tol: float,
+    arcs: tuple[Arc, ...],
+    curve: Path | None = None,
+    *,
+    resolved: bool = False,
 ) -> Status:
     """Hold what is in contact and refine the path, until all conditions are satisfied.
 
-    That are the `arcs` along the path at hand or, if that is given, a `curve`.
+    That are the `arcs` along the path at hand, which may be `resolved`, or a `curve`.
     """
     allowed, ws.freed = tol / 4, False
     coarse = 2 * float(np.diff(ws.here.mesh.nodes).max())
     for k in range(CHANGES):
         if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
             allowed = max(tol, VANISHING[1])
-        ws.hold(arcs, curve)
+        ws.hold(arcs, curve, resolved=resolved)
         held = ws.here
         try:
             reached = curve is None or ws.ease()
@@ -352,6 +428,7 @@ def _refine_contact(
                     ws.hint = ws.why()
                     return Status.NOT_FOUND
                 status = refine(ws, tol, least=True)
+                resolved = True
                 other = ws.next_contacts(allowed) if status.success else None
                 if other is None:
                     return _judge(ws, tol, status)

@@ -171,10 +171,13 @@ class Along(Workspace[Iterate]):
         """Take up a path that Ipopt found, with the contacts it had there."""
         self.problem, self.here = found.problem, found
 
-    def hold(self, arcs: tuple[Arc, ...], curve: Path | None = None) -> None:
+    def hold(
+        self, arcs: tuple[Arc, ...], curve: Path | None = None, *, resolved: bool = False
+    ) -> None:
         """Stand on a mesh whose elements end where these parts do, and hold them there.
 
-        The path is the one at hand or a `curve`, along which multipliers are those of a motion.
+        The path is the one at hand or a `curve`, along which multipliers are those of a motion. Its
+        own mesh stays where it is `resolved`.
         """
         old, free = self.here.bare(), self.question
         self.problem = held = self.contact_problem.holding(arcs)
@@ -196,6 +199,8 @@ class Along(Workspace[Iterate]):
                 cuts = np.interp(np.linspace(0.0, 2.0, count + 1), both, times)
             parts.append(np.append(cuts[1:-1], b))
         mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), COARSE_DEGREE)
+        if resolved:
+            mesh = self.with_boundaries(path.mesh)
         lam = (
             self._contact_multipliers(path.on(mesh))
             if curve
