@@ -52,28 +52,15 @@ def row(solve: Callable[[], Any], other: Callable[[Any], Any], parts: int = 1) -
     return {"solve": spent[0], "time": time, "ratio": time / spent[0], "status": ""}
 
 
-def lattice(n: int, T: float = 1.0) -> dict:
-    """Return the question of a row of masses, below its first conjugate time."""
-    shape = np.sin(np.pi * np.arange(1, n + 1) / (n + 1))
-    system = ao.System(fput, [f"u{j}" for j in range(n)], parameters={"beta": 1.0})
-    return {"problem": ao.Problem(system, ao.Event(0.0, shape), ao.Event(T, 0.5 * shape))}
-
-
-def chain(links: int) -> dict:
-    """Return the question of a hanging chain, with its guess."""
-    scene = scenes.get("chain", links=links, l=1.0 / links, amplitude=0.1)
-    return {"problem": scene.problem, "guess": scene.guess}
-
-
 def pendulum(T: float) -> dict:
     """Return the question of a pendulum's motion of a time."""
     return {"problem": scenes.get("pendulum", duration=T).problem}
 
 
 FAMILIES: dict[str, tuple[Callable[[Any], dict], tuple[float, ...]]] = {
-    "links of a Cartesian chain": (chain, (5, 10, 20)),
+    "links of a Cartesian chain": (many.chain, (5, 10, 20)),
     "links in angles": (lambda n: {"problem": many.problem(many.pendulum(n))}, (5, 10, 20)),
-    "masses of a lattice": (lattice, (10, 40, 160)),
+    "masses of a lattice": (many.lattice, (10, 40, 160)),
     "duration of a pendulum's motion (s)": (pendulum, (2.5, 12.5, 62.5)),
 }
 ANALYSES: dict[str, Callable[[ao.Solution], Any]] = {
@@ -139,7 +126,7 @@ def closed(n: int) -> ao.Problem:
 
 def loose(n: int, end: ao.Event, energy: bool = False) -> ao.Problem:
     """Return the question of a lattice whose end is another one."""
-    known = lattice(n)["problem"]
+    known = many.lattice(n)["problem"]
     level = float(ao.solve(known).energy(0.5)) if energy else None
     return known.replace(end=ao.Event(end.t, known.end.q) if energy else end, energy=level)
 
@@ -185,22 +172,22 @@ BETAS = np.linspace(0.9, 1.1, 41)
 # Solves of a question with its guess, or none, and the array or tuple that comes of many.
 MANY: dict[str, tuple[Callable[[Any], dict], Callable[..., Any], tuple[int, ...]]] = {
     "member of a sweep, lattice": (
-        lattice,
+        many.lattice,
         lambda problem: ao.sweep(problem, over={"beta": BETAS}, tol=TOL).status,
         (1, 4, 10, 20),
     ),
     "member of a sweep, chain": (
-        lambda n: {"problem": chain(n)["problem"]},  # no guess: a sweep is given none
+        lambda n: {"problem": many.chain(n)["problem"]},  # no guess: a sweep is given none
         lambda problem: ao.sweep(problem, over={"g": 9.0 + BETAS}, tol=TOL).status,
         (5, 10),
     ),
     "point of a trace, lattice": (
-        lattice,
+        many.lattice,
         lambda problem: ao.trace(problem, "beta", 1.5, tol=TOL).values,
         (1, 4, 10, 20),
     ),
     "point of a trace, chain": (
-        chain,
+        many.chain,
         lambda problem, guess: ao.trace(problem, "g", 10.5, guess=guess, tol=TOL).values,
         (5, 10, 20),
     ),
@@ -231,7 +218,7 @@ def wells(q, v, t):
 SEARCHES: dict[str, Callable[[], ao.Problem]] = {
     "energy below a barrier, n = 4": lambda: body(4, wells, 0.0, None, energy=0.5),
     "film beyond the fold": lambda: catenoid(1.4),
-    "chain of 100 links, no guess": lambda: chain(100)["problem"],
+    "chain of 100 links, no guess": lambda: many.chain(100)["problem"],
     "end on a sphere, 100 masses": lambda: loose(100, sphere(100)),
 }
 

@@ -8,9 +8,11 @@ from time import process_time
 import numpy as np
 
 import actionopt as ao
+from actionopt import scenes
 from benchmarks import peers
 from benchmarks.problems import Case, Ends
 from benchmarks.problems._case import no_partials
+from benchmarks.problems.lattice import lagrangian as fput_lagrangian
 
 GRAVITY = 9.81
 SLOW, SWIFT = 0.3, 0.6  # deviation of a lattice's places and rates at the start
@@ -154,6 +156,19 @@ def ends_of_a_motion(
     q, v = np.random.default_rng((masses, seed)).normal(0.0, spread, (2, masses))
     system = ao.System(lagrangian, [f"q{j}" for j in range(masses)])
     return q, ao.integrate(system, ao.State(0.0, q, v), 1.0, tol=1e-8)(1.0)
+
+
+def lattice(n: int, T: float = 1.0) -> dict:
+    """Return the question of a row of masses, below its first conjugate time."""
+    shape = np.sin(np.pi * np.arange(1, n + 1) / (n + 1))
+    system = ao.System(fput_lagrangian, [f"u{j}" for j in range(n)], parameters={"beta": 1.0})
+    return {"problem": ao.Problem(system, ao.Event(0.0, shape), ao.Event(T, 0.5 * shape))}
+
+
+def chain(links: int) -> dict:
+    """Return the question of a hanging chain, with its guess."""
+    scene = scenes.get("chain", links=links, l=1.0 / links, amplitude=0.1)
+    return {"problem": scene.problem, "guess": scene.guess}
 
 
 def problem(case: Case) -> ao.Problem:

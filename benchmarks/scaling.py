@@ -25,7 +25,6 @@ from actionopt.tools.progress import steps
 from actionopt.tools.types import Array
 from benchmarks import child, many, peers
 from benchmarks.problems import Case
-from benchmarks.problems.lattice import lagrangian
 from benchmarks.report import FOLDER
 from benchmarks.results import brief, table, text
 
@@ -50,8 +49,7 @@ def elements(count: int) -> dict:
 
 def chain(links: int) -> dict:
     """Solve a hanging chain of so many links."""
-    scene = scenes.get("chain", links=links, l=1.0 / links, amplitude=0.1)
-    return _timed(scene.problem, guess=scene.guess)
+    return _timed(**many.chain(links))
 
 
 def angles(links: int) -> dict:
@@ -110,10 +108,7 @@ def _drawn(cases: list[Callable[[], Case]]) -> dict:
 
 def lattice(masses: int) -> dict:
     """Solve a row of so many masses on stiffening springs, below the first conjugate time."""
-    k = np.arange(1, masses + 1)
-    shape = np.sin(np.pi * k / (masses + 1))
-    system = ao.System(lagrangian, [f"u{j}" for j in k], parameters={"beta": 1.0})
-    return _timed(ao.Problem(system, ao.Event(0.0, shape), ao.Event(1.0, 0.5 * shape)))
+    return _timed(**many.lattice(masses))
 
 
 def waypoints(count: int) -> dict:
@@ -162,7 +157,7 @@ def fill(links: int) -> tuple[float, float]:
     Blocks are dense, tridiagonal in time: the nodes inside each element, then those between. As
     for all factors, the squares of the columns are what they cost.
     """
-    problem = scenes.get("chain", links=links, l=1.0 / links, amplitude=0.1).problem
+    problem = many.chain(links)["problem"]
     mesh = Mesh.uniform(problem.start.t, problem.end.t, *FILLED)
     layout = Transcription(problem, mesh, problem.lengths).layout
     rows, _ = layout.kkt.sparsity.ldl()
