@@ -158,3 +158,11 @@ def all_solved(what: str, rows: Sequence[Row], most: int = 0) -> Criterion:
         others.update({k: n for k, n in r["endings"].items() if k != "SOLVED"})
     found = f"{count - solved}" + "".join(f", {k} {n}" for k, n in others.items())
     return Criterion(f"{what}: not solved", f"<= {most} of {count}", found, count - solved <= most)
+
+
+def right_and_solved(what: str, rows: Sequence[Row], lost: float = 0.0) -> list[Criterion]:
+    """Return both criteria, of which at most the part `lost` is not solved."""
+    return [
+        never_wrong(what, rows),
+        all_solved(what, rows, int(lost * sum(r["count"] for r in rows))),
+    ]

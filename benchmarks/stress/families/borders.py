@@ -25,12 +25,11 @@ import actionopt as ao
 from benchmarks.stress.case import Case, Criterion, mine, timed
 from benchmarks.stress.tally import (
     Outcome,
-    all_solved,
     asked_too,
     batches,
     found_too,
     judged,
-    never_wrong,
+    right_and_solved,
 )
 
 TITLE = "Given integrals, alone and with events and surfaces"
@@ -315,8 +314,5 @@ def criteria(rows) -> list[Criterion]:
     """Return them."""
     found = []
     for kind in COUNTS:
-        own = mine(rows, kind)
-        found.append(never_wrong(kind, own))
-        found.append(all_solved(kind, own, int(MOST_LOST * sum(r["count"] for r in own))))
-        found.append(found_too(kind, rows))
+        found += [*right_and_solved(kind, mine(rows, kind), MOST_LOST), found_too(kind, rows)]
     return found

@@ -17,7 +17,7 @@ from numpy.polynomial import polynomial
 
 import actionopt as ao
 from benchmarks.stress.case import Case, Criterion, Row, measured, mine
-from benchmarks.stress.tally import Outcome, all_solved, never_wrong, row
+from benchmarks.stress.tally import Outcome, right_and_solved, row
 
 TITLE = "All normals to a surface"
 COUNTS = {"ellipses": (60, 4), "ellipsoids": (24, 2)}  # points, all and quick
@@ -99,6 +99,5 @@ def criteria(rows) -> list[Criterion]:
     """Return them."""
     found = []
     for kind in COUNTS:
-        own = mine(rows, f"{kind} ")
-        found += [never_wrong(f"normals of {kind}", own), all_solved(f"normals of {kind}", own)]
+        found += right_and_solved(f"normals of {kind}", mine(rows, f"{kind} "))
     return found

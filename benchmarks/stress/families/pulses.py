@@ -23,7 +23,7 @@ from scipy.special import erf
 import actionopt as ao
 from actionopt import Event, Problem, System
 from benchmarks.stress.case import Case, Criterion, Row, deviation, measured, mine, timed
-from benchmarks.stress.tally import Outcome, all_solved, judged, never_wrong, row
+from benchmarks.stress.tally import Outcome, judged, right_and_solved, row
 
 TITLE = "Pulses and walls"
 WIDTHS = (0.001, 0.002, 0.0033, 0.005, 0.0067)  # full widths at half maximum
@@ -227,6 +227,5 @@ def criteria(rows) -> list[Criterion]:
         ("kicked pendulum", ("pendulum",)),
         ("walls", tuple(WALLS)),
     ):
-        own = [r for p in prefixes for r in mine(rows, p)]
-        out += [never_wrong(what, own), all_solved(what, own)]
+        out += right_and_solved(what, [r for p in prefixes for r in mine(rows, p)])
     return out

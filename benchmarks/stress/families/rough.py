@@ -26,7 +26,7 @@ from benchmarks.problems.chain import LINKS, L, acceleration
 from benchmarks.problems.chain import cases as chains
 from benchmarks.stress.case import Case, Criterion, Row, measured, mine, timed
 from benchmarks.stress.forward import miss, motion
-from benchmarks.stress.tally import all_solved, counted, judged, never_wrong, row
+from benchmarks.stress.tally import counted, judged, right_and_solved, row
 
 TITLE = "Rough guesses"
 T, ANGLE, RATE, SEED, TOL = 0.6, 0.6, 0.6, 15, 1e-8
@@ -137,7 +137,5 @@ def criteria(rows) -> list[Criterion]:
     for title in NAMES.values():
         for kind, (_, _, lost) in GUESSES.items():
             name = f"{title}, {kind}"
-            own = mine(rows, name)
-            most = lost * sum(r["count"] for r in own) // 100
-            out += [all_solved(name, own, most), never_wrong(name, own)]
+            out += right_and_solved(name, mine(rows, name), lost / 100)
     return out

@@ -27,12 +27,11 @@ import actionopt as ao
 from benchmarks.stress.case import Case, Criterion, mine, timed
 from benchmarks.stress.tally import (
     Outcome,
-    all_solved,
     asked_too,
     batches,
     found_too,
     judged,
-    never_wrong,
+    right_and_solved,
 )
 
 TITLE = "Accelerations: splines and beams"
@@ -318,9 +317,5 @@ def cases(quick: bool) -> list[Case]:
 
 def criteria(rows) -> list[Criterion]:
     """Return them."""
-    found = []
-    for kind in COUNTS:
-        own = mine(rows, kind)
-        found.append(never_wrong(kind, own))
-        found.append(all_solved(kind, own, int(MOST_LOST * sum(r["count"] for r in own))))
+    found = [x for kind in COUNTS for x in right_and_solved(kind, mine(rows, kind), MOST_LOST)]
     return [*found, found_too("beams", rows)]
