@@ -13,7 +13,7 @@ from helpers import a_quarter, slow
 import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
-from actionopt.solver import least_along
+from actionopt.solver import first_contacts, least_along
 from actionopt.solver.first_contacts import other_sides
 from actionopt.tools.watch import OutOfTime
 
@@ -574,6 +574,14 @@ def test_ropes_that_hang_nearly_straight_down_lie_on_a_floor(c):
 
 
 @pytest.mark.long
+def test_the_first_ropes_have_the_length_that_is_given():
+    problem = ao.Problem(rope(), ao.Event(0, [1.0]), ao.Event(2.0, [0.8]), integral=2.9)
+    for path in first_contacts.lines(problem, ao.Mesh.uniform(0.0, 2.0, 8, 4)):
+        t = np.linspace(0.0, 2.0, 2001)
+        slopes = np.sqrt(1 + path.velocity(t)[0] ** 2)
+        assert np.trapezoid(slopes, t) == pytest.approx(2.9, rel=1e-3)
+
+
 def test_ropes_that_grow_come_to_lie_on_the_floor():
     """They hang free until the catenary of the tension c touches it."""
     c, (a, b) = 0.6, (1.0, 0.8)

@@ -15,6 +15,8 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.families import task
+from actionopt.solver import nearest_points
+from actionopt.solver.nearest_points import NEAREST_POINTS
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.verdict import solution_of
 
@@ -393,3 +395,14 @@ def test_a_member_that_its_neighbour_does_not_lead_to_is_solved_without_it(monke
     monkeypatch.setattr(task, "solve", solve)
     runs = ao.sweep(to_ellipse(), {"b": [0.8, 1.0, 1.2]})
     assert (runs.status == "SOLVED").all()
+
+
+def test_points_of_many_coordinates_are_looked_for_in_random_directions():
+    n = NEAREST_POINTS + 1
+    free = ao.System(lambda q, v, t: v @ v / 2, [f"x{k}" for k in range(n)])
+    sphere = ao.Event(1.0, None, on=lambda q, t: q @ q - 1)
+    pairs = nearest_points.near(ao.Problem(free, ao.Event(0.0, 2 * np.eye(n)[0]), sphere))
+    assert len(pairs) == 2 * NEAREST_POINTS
+    for start, end in pairs:
+        assert start == pytest.approx(2 * np.eye(n)[0])
+        assert end @ end == pytest.approx(1)

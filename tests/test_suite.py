@@ -394,9 +394,21 @@ def test_find_by_what_is_asked():
         suite.get("pendulun")
     with pytest.raises(ValueError, match="no parameter"):
         suite.get("pendulum", mass=1.0)
-    for links in (0, 1.5):
-        with pytest.raises(ValueError, match="a positive number of links"):
-            suite.get("chain_floor", links=links)
+
+
+def test_sizes_are_asked_of_what_has_the_tags():
+    tags = "unbounded below", "stiff potential"
+    size = suite.get("charge_strong").n, suite.get("oscillator_stiff").n
+    assert size[0] != size[1]
+    for name, n in zip(("charge_strong", "oscillator_stiff"), size, strict=True):
+        assert suite.find(tags=tags, size=(n, n)) == [name]
+
+
+@pytest.mark.parametrize("count", [0, 1.5])
+@pytest.mark.parametrize("name, what", [("chain_floor", "links"), ("pegs", "pegs")])
+def test_counts_are_whole_and_positive(name, what, count):
+    with pytest.raises(ValueError, match=f"a positive number of {what}"):
+        suite.get(name, **{what: count})
 
 
 def test_every_evaluation_is_counted():

@@ -481,3 +481,8 @@ def test_the_header_counts_the_defined_variables():
     text = "".join(nl.lines(problem, problem.start())).splitlines()
     defined = sum(line.startswith("V") for line in text)
     assert sum(int(x) for x in text[9].split("#")[0].split()) == defined > 0
+
+
+def test_whole_numbers_in_a_row_are_written_in_short():
+    assert standalone._span(np.arange(3, 7)) == "np.arange(3, 7)"
+    assert standalone._span(np.array([3, 5, 6])) == "np.array([3, 5, 6])"

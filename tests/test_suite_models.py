@@ -3,6 +3,7 @@
 import itertools
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -206,6 +207,8 @@ def test_infeasible_is_right_with_evidence_and_wrong_words_are_wrong(tmp_path):
 def test_a_model_in_other_clothes():
     problem = suite.model("bump_too_high")
     assert problem.kind == "infeasible"
+    assert problem.classification[:2] == "QL"
+    assert suite.model("arm_in_disc").classification[1] == "O"
     other = Cutest(problem)
     assert other.is_linear_cons.all() and not other.is_eq_cons.any()
     assert {"bounds"} & set(scipy_arguments(problem, "SLSQP")) == set()
@@ -653,6 +656,14 @@ def length_of_string(centres, sides, ends):
         if all(arc >= 0 for arc in arcs):
             longest = max(longest, length + sum(arcs))
     return longest
+
+
+def test_sides_are_above_and_below(monkeypatch):
+    lengths = {(1,): 2.0, (-1,): 1.0}
+    monkeypatch.setattr(
+        "actionopt.suite.ways._way", lambda *x: SimpleNamespace(f=lengths[tuple(x[2])])
+    )
+    assert list(ways(suite.get("disc"))) == [(-1,), (1,)]
 
 
 @pytest.mark.slow

@@ -14,7 +14,9 @@ from actionopt import scenes
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.factors import full
 from actionopt.families.free_times import _passes
+from actionopt.solver.durations import straight_passage
 from actionopt.solver.first_paths import FirstPaths
+from actionopt.solver.signals import OutOfTime
 from actionopt.solver.unfixed import Unfixed
 
 G = 9.81
@@ -735,3 +737,26 @@ def is_half_of_any_great_circle(path):
 def test_one_of_the_ways_to_the_opposite_point_is_found(start):
     start = np.array(start) / np.linalg.norm(start)
     is_half_of_any_great_circle(ao.solve(sphere(start), throw=False))
+
+
+def test_a_passage_straight_to_the_end_is_of_one_energy_and_between_two_places():
+    drag = ao.System(lambda q, v, t: np.exp(0.1 * t) * (v @ v - q @ q) / 2, ["x"])
+    for system, end in ((systems.oscillator(), 0.3), (drag, 0.8)):
+        problem = ao.Problem(system, ao.Event(0.0, [0.3]), ao.Event(None, [end]), energy=1.0)
+        assert straight_passage(problem) is None
+    problem = ao.Problem(systems.oscillator(), problem.start, ao.Event(None, [0.8]), energy=1.0)
+    times, *_ = straight_passage(problem)  # x = sqrt(2) sin t
+    assert times[-1] == pytest.approx(np.arcsin(0.8 / 2**0.5) - np.arcsin(0.3 / 2**0.5), rel=1e-4)
+
+
+def test_time_that_is_up_before_there_is_a_start_is_told(monkeypatch):
+    def starts(*_):
+        raise OutOfTime
+        yield
+
+    monkeypatch.setattr("actionopt.solver.pursue.starts", starts)
+    problem = ao.Problem(
+        systems.oscillator(), ao.Event(0.0, [0.3]), ao.Event(None, [0.8]), energy=1.0
+    )
+    found = ao.solve(problem, throw=False)
+    assert found.status is ao.Status.OUT_OF_TIME
