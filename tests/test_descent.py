@@ -164,3 +164,17 @@ def test_closed_paths_that_are_saddles_are_found_without_a_search_for_least_ones
     assert solution.morse_index == 1
     t = np.linspace(0.0, 0.8, 9)
     assert np.abs(solution(t)[0] + 0.01 * np.cos(7 * t) / 48).max() < 1e-9
+
+
+def test_a_least_path_beside_an_abyss_is_not_passed_over():
+    """From a saddle S falls without bound towards a charge; near a hill of V a path is least."""
+    charge, hill = np.array([-0.2, 0.1, -1.2, -1.5]), np.array([-0.3, 0.9, 0.4, 1.1])
+
+    def lagrangian(q, v, t):
+        away, off = q - charge, q - hill
+        V = np.array([1.2, 1.8, 3.6, 3.7]) @ q**2 / 2 + 10.8 * np.exp(-(off @ off) / 2)
+        return v @ v / 2 - V - 2.8 / np.sqrt(away @ away + 1e-6)
+
+    ends = Event(0.0, [0.1, -0.2, -0.5, 0.5]), Event(1.9, [0.7, 0.0, 0.4, 0.0])
+    found = solve(Problem(System(lagrangian, ["w", "x", "y", "z"]), *ends), tol=1e-6)
+    assert found.morse_index == 0 and found.compare().agrees

@@ -54,12 +54,15 @@ class Descended:
     iterations: int
 
 
-def descend(tr: Transcription, z: Array) -> Descended:
-    """Go down from z; S decreases at every step. For systems without constraints or forces."""
+def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
+    """Go down from z; S decreases at every step. For systems without constraints or forces.
+
+    Coordinates `far` times their own size have run away.
+    """
     mu, count, first = 0.0, 0, z
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
-        while count < DESCENT_STEPS and np.abs(z).max() < RUNAWAY:
+        while count < DESCENT_STEPS and np.abs(z).max() < far:
             farthest = max(1.0, float(np.abs(z).max()))  # farther it jumps over what lies between
             H, K = tr.kkt(z), tr.kinetic(z)
             if not (np.isfinite(H).all() and np.isfinite(K).all()):
@@ -90,7 +93,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
                     return Descended(z - second, True, False, count)
             mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
-    return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)
+    return Descended(z, False, bool(np.abs(z).max() >= far), count)
 
 
 def _runs_away(tr: Transcription, first: Array, z: Array) -> bool:
