@@ -809,3 +809,23 @@ def test_derivatives_of_the_action_of_a_beam_on_a_circle():
                for a, w in ((0.0, 0.3), (1.0, 0.5))]  # fmt: skip
     assert tangent[0] @ found.q0q1 @ tangent[1] == pytest.approx(across / (4 * h * h), rel=1e-4)
     assert np.abs(found.q0q0).max() < 100
+
+
+def test_a_beam_comes_to_lie_on_a_floor_at_one_point():
+    """Clamped at both ends: beside c the load alone bends it, and y, y' are zero at c."""
+    w, heights = 40.0, (0.06, 0.05)
+    beam = ao.System(lambda q, v, a, x, *, w: a[0] ** 2 / 2 + w * q[0], ["y"], parameters={"w": w})
+    ends = (ao.Event(x, [h], v=[0]) for x, h in zip((0, 1), heights, strict=True))
+    sol = ao.solve(ao.Problem(beam, *ends, through=[ao.Event(None, [0], v=[0])]))
+
+    def bent(h, L):
+        """Return two derivatives at c of -w x^4 / 24 + A x^3 + B x^2 + h, x from the clamp."""
+        rows = [[L**3, L**2], [3 * L**2, 2 * L]]
+        A, B = np.linalg.solve(rows, [w * L**4 / 24 - h, w * L**3 / 6])
+        return -w * L**2 / 2 + 6 * A * L + 2 * B, 6 * A - w * L
+
+    c = brentq(lambda c: bent(heights[0], c)[0] - bent(heights[1], 1 - c)[0], 0.3, 0.7)
+    force = -bent(heights[0], c)[1] - bent(heights[1], 1 - c)[1]
+    assert sol.problem.through[0].t == pytest.approx(c, abs=1e-10) and sol.morse_index == 0
+    assert sol.impulses[0] == pytest.approx([-force, 0], abs=1e-8)
+    assert force > 0 and sol(np.linspace(0, 1, 101)).min() > -1e-9

@@ -598,6 +598,7 @@ def test_ropes_that_grow_come_to_lie_on_the_floor():
     assert too_short.status.tolist() == ["SOLVED", "REFUSED"]
 
 
+@pytest.mark.long
 def test_a_branch_of_free_duration_follows_contact():
     """At the energy E it takes the length over sqrt(2 E), and S = E T."""
     system = ao.System(

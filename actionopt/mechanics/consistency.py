@@ -138,8 +138,9 @@ def check_surfaces(problem: Any) -> None:
         if problem.system.with_contact.structure.depends_on_time:
             raise ValueError(
                 "expected a closed path along an obstacle that begins on a surface to have no "
-                "clock, found the time in the Lagrangian or the obstacle; leave out `on`, or the "
-                "time"
+                "clock, found the time in the Lagrangian or the obstacle: it is found free of the "
+                "surface and begun where it meets that, which with a clock is another motion; "
+                "leave out `on`, or the time"
             )
         given = ends[0].on.count + sum(x is not None for x in ends[0].q)
         if given > 1:

@@ -246,7 +246,9 @@ def _refuse(problem: Any, unknown: bool) -> None:
     if unknown and system.structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces where times or places of events are "
-            "to be found, found one that has some: no action is stationary in them; give both"
+            "to be found, found one that has some: a time or a place is found where the "
+            "action is stationary in it, and with such forces none is; give both, or ask for the "
+            "motion forward (`ao.integrate`)"
         )
     if unknown and system.clock is not None and not problem.laws:
         raise ValueError(

@@ -238,7 +238,9 @@ class Problem:
         if self.is_infinite:
             raise ValueError(
                 "expected a path between finite events where integrals are given, found an "
-                "infinite time: both together are not known; leave one out"
+                "infinite time: the rest there, and the rates at which a path tends to it, are "
+                "those of L + kappa.g, and kappa is found with the path; give a finite time, long "
+                "beside these rates"
             )
         object.__setattr__(self, "integral", tuple(values.tolist()))
         object.__setattr__(self, "plain", system)

@@ -555,8 +555,10 @@ def _check_parts(obstacle: Any) -> None:
     if obstacle is not None:
         raise ValueError(
             "expected no obstacle beside a Lagrangian with accelerations, found one: where a path "
-            "with continuous velocities leaves it a momentum jumps, and where is not sought; give "
-            "the place where it touches as an event between the ends (`through=`)"
+            "with continuous velocities touches it a momentum jumps, and where is not sought; if "
+            "it touches at a moment give the place and the velocity there as an event whose time "
+            "is found, through=[ao.Event(None, q, v=v)]: `impulses` are -nu df/dq, nu > 0, where "
+            "the obstacle presses"
         )
 
 

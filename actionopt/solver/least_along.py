@@ -413,7 +413,7 @@ def _refine_contact(
             curve = None
             if not (reached and ws.follow()):
                 ws.hint = ws.why()
-                if ws.hint == FAMILY and ws.question.integral is not None:
+                if ws.hint == FAMILY and ws.question.integral and ws.question.advance is None:
                     ws.hint = OTHER_VALUES
                 elif (
                     ws.hint == FAMILY
