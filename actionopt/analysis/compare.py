@@ -531,8 +531,8 @@ def _energy_drift(
 
     The work is the integral of dH/dt = -L_t + Q . v - lam . f_t: the Lagrangian's own change,
     non-conservative forces, and constraints that move. Where L jumps, H of the motion does. It is
-    not asked at nodes that are not `smooth` (K,), where the velocities v mean nothing. In units of
-    the largest |v . p|, or at rest of that at the `speeds` (n,).
+    not asked at nodes that are not `smooth` (K,), where the velocities v mean nothing. Its unit is
+    the largest |v . p|, or at rest that of motions with the `speeds` (n,).
     """
     system, parameters, mesh = problem.system, problem.parameters, path.mesh
     t, ends = mesh.nodes, mesh.offsets

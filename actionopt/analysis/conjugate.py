@@ -126,7 +126,7 @@ def _merge_roots(roots: list[float], problem: Problem) -> tuple[ConjugatePoint, 
 def _falls(solution: Solution) -> list[float]:
     """Return each time up to which one more eigenvalue of d2S has fallen to zero.
 
-    On elements that are halved if the times move by that.
+    Elements are halved until the times stay where they are.
     """
     start, end = solution.problem.start.t, solution.problem.end.t
     settled = SETTLED_HELD if solution.problem.system.m else SETTLED_TIMES

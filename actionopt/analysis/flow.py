@@ -159,7 +159,7 @@ class Flow:
     def round_off(self, q: Array, v: Array, t: Array) -> Array:
         """Return what the last digits of q, v (n, K) and t (K,) do to the accelerations, (n,).
 
-        At most of some states along the motion: at few of them a force may be about to jump.
+        A high quantile over states along the motion tells: at a few a force may be about to jump.
         """
         some = slice(None, None, max(1, q.shape[1] // NOISE_STATES))
         q, v, t = q[:, some], v[:, some], t[some]

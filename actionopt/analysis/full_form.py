@@ -69,7 +69,7 @@ class FullForm:
     def lowest(self, units: Array) -> tuple[Array, Array]:
         """Return eigenvalues (c,) and vectors (size, c) in the norm int |eta / units|^2 dt.
 
-        In the user's units of action. Times and multipliers do not vary.
+        Eigenvalues are in the user's units of action. Times and multipliers do not vary.
         """
         tr, mass = self.tr, np.zeros_like(self.matrix)
         values = self.variations(np.eye(tr.layout.unknowns)) / units[:, None]

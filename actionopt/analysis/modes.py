@@ -125,7 +125,7 @@ def second_variation(
 def _on_full_forms(solution: Solution, count: int, units: Array) -> SecondVariation:
     """Return the same where L contains accelerations, or for integrals and events at given times.
 
-    On elements that are halved until the eigenvalues stay what they are.
+    Elements are halved until the eigenvalues stay what they are.
     """
     problem = solution.problem
     if any(event.t is None for event in problem.original.through):

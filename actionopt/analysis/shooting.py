@@ -369,7 +369,8 @@ def velocities(problem: Problem, far: Array, count: int, rng: np.random.Generato
 def about(problem: Problem, count: int, rng: np.random.Generator) -> Array:
     """Return initial velocities (n, count) about that of the straight line, near and far.
 
-    As far as the forces along that line would change it. For systems without constraints.
+    They differ from it by as much as the forces along that line would change it. The system has no
+    constraints.
     """
     start, end = (np.array(e.q, dtype=float)[:, None] for e in (problem.start, problem.end))
     n, T, sample = start.size, problem.duration, 64

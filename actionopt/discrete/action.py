@@ -456,9 +456,9 @@ class Action:
         return found
 
     def pull_back(self, by_place: Array, by_rate: Array) -> Array:
-        """Return derivatives by the elements' unknowns, (evaluations, n), of a sum over nodes.
+        """Return derivatives by the elements' unknowns, (evaluations, n), of a sum w L over nodes.
 
-        Of sum w L, by_place (evaluations, width) and by_rate (evaluations, n) those of L.
+        `by_place` (evaluations, width) and `by_rate` (evaluations, n) are the derivatives of L.
         """
         if self.order == 1:
             return self.add_work(self.weight * by_place, by_rate)

@@ -177,7 +177,7 @@ class Branch:
     def _correct(self, y: Array, row: Array, most: int) -> tuple[Array, Discrete, int] | None:
         """Return the point (z, s) across a row (size + 1,), its equations, and the corrections.
 
-        By Newton's method; None if it takes more than `most` steps, or does not contract.
+        Newton's method finds it; None if that takes more than `most` steps, or does not contract.
         """
         last, tr = np.inf, self.at(float(y[-1]))
         before, self.slope = self.slope, None

@@ -144,8 +144,8 @@ def _of_higher_order(tr: Action, L: Array, x: Array | None = None) -> Array:
 def by_increments(tr: Action, z: Array, shift: float) -> list[Array]:
     """Return the elements' matrices of each degree, (E, (d + 1) n, (d + 1) n), by other unknowns.
 
-    By what each end is beside the polynomial that its start makes (`Element.derivatives`). Of the
-    matrix less `shift` times its kinetic part.
+    These tell how far each end is from the polynomial that the start of its element makes
+    (`Element.derivatives`). The matrices are less `shift` times their kinetic parts.
     """
     A, B, C = tr.second(z[: tr.layout.unknowns])
     L = _second(tr, z, A, B, (1.0 - shift) * C)

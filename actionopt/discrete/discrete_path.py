@@ -144,8 +144,8 @@ class DiscretePath:
     def multipliers(self, t: Array) -> Array:
         """Return the multipliers of the motion along the path at times t (K,), (K, m).
 
-        From the index-1 form of the equations of motion. Raises ValueError where the constraints
-        are not independent.
+        They solve the index-1 form of the equations of motion. Raises ValueError where the
+        constraints are not independent.
         """
         system, path = self.problem.system, self.path
         if not system.m:

@@ -113,8 +113,8 @@ def solve_on_the_way(
 ) -> Solution:
     """Return a path, or an attempt, in the time that is left for a search that needs it on its way.
 
-    Whether it is one of a family is asked for a `verdict` only. With `brief` no long ways are
-    tried. Raises OutOfTime if no time is left.
+    Only with `verdict` is it asked whether the path is one of a family. With `brief` no costly
+    strategies are tried. Raises OutOfTime if no time is left.
     """
     watch = None if outer is None else Watch(None, None, outer)
     strategies = STRATEGIES[:CURVED_STRATEGIES] if brief else STRATEGIES

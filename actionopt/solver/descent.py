@@ -55,7 +55,7 @@ class Descended:
 
 
 def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
-    """Go down from z; S decreases at every step. For systems without constraints or forces.
+    """Go down from z; S decreases at every step. The system has no constraints or forces.
 
     Coordinates `far` times their own size have run away.
     """

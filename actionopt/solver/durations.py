@@ -164,7 +164,7 @@ def _conserves_energy(problem: Problem) -> bool:
 def return_time(problem: Problem, q: Array, t: float) -> float:
     """Return about how long a motion of the energy takes from q (n,) back to it: 2 p / |force|.
 
-    1 where there is no force.
+    It is 1 where there is no force.
     """
     n = problem.system.n
     at = q[None], np.zeros((1, n)), np.array([[t]]), problem.packed

@@ -79,7 +79,7 @@ def motions(problem: Problem, watch: Watch | None) -> Iterator[Path]:
 def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple[Problem, Path]]:
     """Return problems between points on the surfaces, and straight lines, the least action first.
 
-    Between `pairs` (2, n) of points; else of those near each other: `near`.
+    The points are those of `pairs` (2, n) if any are given, else those `near` each other.
     """
     size, like = sizes(problem), None
     found: list[tuple[float, Path, Problem, Array]] = []

@@ -240,7 +240,7 @@ class Search:
     def _limit(self, cost: int) -> None:
         """Let what is tried from now on cost no more than `BUDGET`, where ways have a cost.
 
-        With a saddle in hand no more than the cost of the way.
+        With a saddle in hand, a strategy may cost no more than it does as a rule.
         """
         watch = self.ws.watch = self.ws.watch or Watch(None, None)
         if not watch.has_costs or self.curved:

@@ -110,8 +110,8 @@ def solve(
 def solve_near(problem: Problem, guess: Guess | None, tol: float) -> Solution:
     """Return the path near a guess, or the best attempt, as `solve` does.
 
-    By Newton's and by Levenberg and Marquardt's methods alone: where there is no path near, that
-    takes a hundredth of the time. Without a guess by descent from the straight line.
+    Only Newton's and Levenberg and Marquardt's methods are tried, or without a guess the descent
+    from the straight line: where there is no path near, that takes a hundredth of the time.
     """
     check_problem(problem)
     strategies = CHEAP if guess is None else GUESS_ONLY

@@ -302,7 +302,7 @@ class Unfixed(Workspace[UnfixedPath]):
 
         By Newton's steps of least norm, as its matrix has no inverse at any of them. Then the
         directions in which it may be moved are known: bordered by them, the matrix has one.
-        With `thorough` also on larger meshes.
+        It is also tried on larger meshes if that is to be `thorough`.
         """
         before = self.iterate, self.hint
         near = guess

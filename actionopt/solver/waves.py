@@ -170,7 +170,7 @@ def _project(
 ) -> Array | None:
     """Return unknowns origin + a.variations with these integrals (c,); None if none is found.
 
-    By Gauss and Newton's method: steps of least length in the amplitudes a.
+    Gauss and Newton's method takes steps of least length in the amplitudes a.
     """
     for _ in range(2 * PATIENT):
         z = origin + a @ variations
