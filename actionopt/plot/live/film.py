@@ -31,7 +31,7 @@ def player(data: dict[str, Any], what: str, caption: str, *, clock: bool = False
 
     With `clock` it has the motion's own time: speeds, steps and the whole screen.
     """
-    data["box"] = padded(_holding(data["box"], data.get("labels_at_start", []), "space" in data))
+    data["box"] = padded(_holding(data))
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     count = len(data.get("labels") or data["t"])
     words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
@@ -122,10 +122,8 @@ def first(data: dict[str, Any]) -> str:
     space = data.get("space")
 
     def on_screen(point: Sequence[float]) -> tuple[float, float]:
-        if not space:
-            return point[0], -point[1]
-        x, y, z = np.subtract(point, space["middle"])
-        return float(x), -float(z * np.cos(RISE) + y * np.sin(RISE))
+        x, y = _project(point, space)
+        return x, -y
 
     def line(points: Sequence[Sequence[float]], look: str) -> str:
         text = " ".join(f"{x:.5g},{y:.5g}" for x, y in map(on_screen, points))
@@ -181,15 +179,25 @@ def _between(points: Array) -> Array:
     return np.concatenate([a + LIMB_POINTS * (b - a) for a, b in pairwise(points)])
 
 
-def _holding(
-    box: Sequence[float], labels: Sequence[dict[str, Any]], space: bool
-) -> Sequence[float]:
-    """Return the box, larger if the name of an arrow is outside; what turns in space has room."""
-    if space or not labels:
-        return box
-    tails, tips = (np.array([label[end] for label in labels]) for end in ("from", "to"))
+def _project(point: Sequence[float], space: dict[str, Any] | None) -> tuple[float, float]:
+    """Return where a point is in the first picture, y up."""
+    if not space:
+        return point[0], point[1]
+    x, y, z = np.subtract(point, space["middle"])
+    return float(x), float(z * np.cos(RISE) + y * np.sin(RISE))
+
+
+def _holding(data: dict[str, Any]) -> Sequence[float]:
+    """Return the box of a film, larger if the name of an arrow is outside."""
+    labels = data.get("labels_at_start", [])
+    if not labels:
+        return data["box"]
+    tails, tips = (
+        np.array([_project(label[end], data.get("space")) for label in labels])
+        for end in ("from", "to")
+    )
     x, y = (tails + NAMED * (tips - tails)).T
-    left, right, bottom, top = box
+    left, right, bottom, top = data["box"]
     return min(left, *x), max(right, *x), min(bottom, *y), max(top, *y)
 
 
