@@ -320,7 +320,7 @@ def _sample(
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
     q, v, force, momentum, *_ = values(tr, x, batches)
-    return _share_out(tr, batches, _add_forces(tr, q, v, times(tr, batches), force), momentum)
+    return _share_out(batches, _add_forces(tr, q, v, times(tr, batches), force), momentum)
 
 
 def values(tr: Action, x: Array, batches: list[Batch]) -> tuple[Array, ...]:
@@ -373,7 +373,7 @@ def _evaluate(
     q, v = (_join(parts) for parts in zip(*points, strict=True))
     t = times(tr, batches)
     force, momentum, _ = tr.problem.system.pointwise("first")(q, v, t, tr.problem.packed)
-    return _share_out(tr, batches, _add_forces(tr, q, v, t, force), momentum)
+    return _share_out(batches, _add_forces(tr, q, v, t, force), momentum)
 
 
 def _add_forces(tr: Action, q: Array, v: Array, t: Array, force: Array) -> Array:
@@ -385,7 +385,7 @@ def _add_forces(tr: Action, q: Array, v: Array, t: Array, force: Array) -> Array
 
 
 def _share_out(
-    tr: Action, batches: list[Batch], force: Array, momentum: Array
+    batches: list[Batch], force: Array, momentum: Array
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     """Yield the parts of forces and momenta at all points that belong to each batch."""
     first = 0

@@ -74,7 +74,7 @@ def first_waves(
             break
     for k in range(count):
         if k == BEFORE_CONTINUATION:
-            yield from _continue(problem, tr, origin, variations, times)
+            yield from _continue(problem, tr, origin, variations)
         which, sign = divmod(k, 2)
         amplitudes = np.zeros(len(shapes))
         if which < len(shapes):
@@ -98,7 +98,7 @@ def wave_mesh(times: Array, order: int = 1, elements: int = COARSE_ELEMENTS) -> 
 
 
 def _continue(
-    problem: Problem, tr: Transcription, origin: Array, variations: Array, times: Array
+    problem: Problem, tr: Transcription, origin: Array, variations: Array
 ) -> Iterator[tuple[Path, Array]]:
     """Yield paths that a continuation in the values of the integrals leads to.
 
