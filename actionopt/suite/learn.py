@@ -91,10 +91,12 @@ def near_paths(problem: TestProblem) -> Iterator[dict[str, Any]]:
     """
     every = solve_all(problem.scene.problem)
     found = [problem.optimum]
+    most = MOST_NUMBERS // problem.n - len(problem.others)
     for solution in every:
         near = problem.nearest(problem.at_nodes(solution), NEAR)
         kept = [s.x for s in (*found, *problem.others)]
-        if near and near.index is not None and is_new(problem, near.x, kept):
+        new = near and near.index is not None and is_new(problem, near.x, kept)
+        if new and len(found) <= most:
             found.append(near)
     for point in found:
         yield {**_record(problem, point), "paths": len(every)}
