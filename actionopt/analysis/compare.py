@@ -35,7 +35,7 @@ from actionopt.analysis.series import begins_singular
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.events import State
+from actionopt.mechanics.events import Event, State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import jumps
 from actionopt.mechanics.problem import Problem
@@ -205,6 +205,9 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
         If the tolerance is not between 1e-14 and 0.1.
     """
     tolerance(tol)
+    out = _left_out(solution)
+    if any(out):
+        solution = _Inside.of(solution, out)
     problem, start, mesh = solution.problem, solution.start, solution.mesh
     span = problem.duration
     flow = FlowAbout(problem.system, problem.parameters, solution)
@@ -223,8 +226,6 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
         reason = f"the motion cannot be begun: {error}"
         rows = np.ones(flow.system.n + flow.system.m)
     t = (mesh if motion is None else motion.path.mesh).nodes
-    out = [bool(end) for end in mesh.singular_ends]  # no acceleration is known there
-    t = t[out[0] : t.size - out[1]]
     q, v = solution(t), solution.velocity(t)
     units = _units(q, v, rows, span)
     sizes = units.q[:count]
@@ -278,6 +279,55 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     if unknown and not found.agrees and not doubted and found._is_explained:
         return replace(found, reason=unknown + UNTOLD)
     return found
+
+
+def _left_out(solution: Claim) -> tuple[bool, bool]:
+    """Return at which ends no motion is begun: where L is infinite, or it is not the only one.
+
+    Of the motions that leave a place at which the mass vanishes each has another coordinate there.
+    """
+    problem, start = solution.problem, solution.start
+    begins, ends = (bool(end) for end in solution.mesh.singular_ends)
+    if not begins and len(problem.start.pinned) == problem.system.n:
+        flow = Flow(problem.system, problem.parameters)
+        begins = begins_singular(flow, start, problem.end.t)
+    return begins, ends
+
+
+@dataclass(frozen=True)
+class _Inside:
+    """A path but for half an element at ends where no motion is begun."""
+
+    whole: Claim
+    problem: Problem
+    start: State
+    mesh: Mesh
+
+    @classmethod
+    def of(cls, whole: Claim, out: tuple[bool, bool]) -> _Inside:
+        """Return what is inside of a solution, the ends left out that are `out`."""
+        mesh, b = whole.mesh, whole.mesh.boundaries.copy()
+        for end, beside in ((0, 1), (-1, -2)):
+            if out[end]:
+                b[end] = (b[end] + b[beside]) / 2
+        t, (q0, q1) = b[[0, -1]], whole(b[[0, -1]]).T
+        system = whole.problem.system
+        given = {k: x for k, x in whole.problem.parameters.items() if k in system.table.shapes}
+        problem = Problem(system, Event(t[0], q0), Event(t[1], q1), parameters=given)
+        return cls(whole, problem, State(t[0], q0, whole.velocity(t[0])), Mesh(b, mesh.degrees))
+
+    @property
+    def error(self) -> float:
+        """That of the whole path."""
+        return self.whole.error
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Return the coordinates at times t."""
+        return self.whole(t)
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """Return the velocities at times t."""
+        return self.whole.velocity(t)
 
 
 def join(legs: Sequence[Comparison], missed: float) -> Comparison:

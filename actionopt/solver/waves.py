@@ -22,6 +22,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.eigenvectors import Eigenvectors, eigenvectors
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS, FIRST_TOL
 from actionopt.solver.signals import HALVINGS
 from actionopt.solver.workspace import PATIENT
@@ -30,6 +31,8 @@ from actionopt.tools.types import EPS, RANK, Array
 # Ad hoc. Of a first path: half waves, and the power of a sine that keeps them in the middle.
 WAVES, NARROW = 6, 8
 LAST_PROJECTION = 1e-6  # step to the values of integrals
+# Eigenvectors: one for so many first paths, and so many at least.
+STARTS_A_STATE, LEAST_STATES = 10, 4
 # First paths before a continuation in the values, and its first part of the way.
 BEFORE_CONTINUATION, FIRST_PART = 4, 0.1
 
@@ -72,9 +75,17 @@ def first_waves(
         first, bent = (integrals(DiscretePath(tr, z))[0] for z in ends)
         if not (np.abs(bent - first) <= EPS * np.abs(asked - first)).all():  # or not a number
             break
+    finer = wave_mesh(times, problem.system.order, 2 * COARSE_ELEMENTS)
+    wanted = max(count // STARTS_A_STATE, LEAST_STATES)
+    states = eigenvectors(at, straight, finer, unit, wanted)
+    along_states = ((path, times) for path in (_along_each(states, asked) if states else ()))
+    if states is not None and states.are_answers:
+        yield from along_states
+        return
     for k in range(count):
         if k == BEFORE_CONTINUATION:
             yield from _continue(problem, tr, origin, variations)
+            yield from along_states
         which, sign = divmod(k, 2)
         amplitudes = np.zeros(len(shapes))
         if which < len(shapes):
@@ -86,6 +97,18 @@ def first_waves(
         if found is not None:
             path = DiscretePath(tr, found).path
             yield Path(mesh, project(tr, path.values.T).T) if tr.layout.rows else path, times
+
+
+def _along_each(states: Eigenvectors, values: Array) -> Iterator[Path]:
+    """Yield paths on which integrals have these values (c,), the straight one with one vector each.
+
+    Where they are the answers a state and its negative are one.
+    """
+    for vector in np.eye(len(states.rows)):
+        for sign in (1.0,) if states.are_answers else (1.0, -1.0):
+            found = _project(states.tr, states.origin, states.rows, sign * vector, values)
+            if found is not None:
+                yield DiscretePath(states.tr, found).path
 
 
 def wave_mesh(times: Array, order: int = 1, elements: int = COARSE_ELEMENTS) -> Mesh:
