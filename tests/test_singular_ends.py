@@ -160,7 +160,7 @@ def test_a_fall_from_rest_is_a_cycloid(x, depth, tol):
     assert np.abs(fall(u / angle) - exact).max() < tol * max(x, depth)
     assert abs(fall.action - R * angle**2 / 2) < 10 * tol
     assert fall.morse_index == 0 and np.abs(fall.velocity(0.0)).max() < 1e-9
-    assert fall.compare().agrees is not False
+    assert fall.compare().agrees
 
 
 @pytest.mark.long
@@ -235,6 +235,37 @@ def test_conjugate_points_of_paths_from_singular_ends():
     fall = ao.System(lambda q, v, t: v[0] ** 2 / q[0] / 2 - q[0] / 2, ["y"])
     with pytest.raises(ValueError, match="expected a path whose inertia is finite at its ends"):
         ao.conjugate_points(ao.solve(ao.Problem(fall, ao.Event(0, [0]), ao.Event(1, [1]))))
+
+
+def test_derivatives_at_a_singular_end_are_nan_where_there_are_none():
+    """S of a fall is R u^2 / 2; it does not change where both ends are moved along x."""
+
+    def action(x, y):
+        R, angle = roll(x, y)
+        return R * angle**2 / 2
+
+    fall = ao.solve(ao.Problem(BRACHISTOCHRONE, REST, ao.Event(1, [1, 0.7])), tol=1e-10)
+    h, found = 1e-4, fall.sensitivity()
+    p = (action(1 + h, 0.7) - action(1 - h, 0.7)) / (2 * h)
+    S_xx = (action(1 + h, 0.7) - 2 * action(1, 0.7) + action(1 - h, 0.7)) / h**2
+    assert fall.momenta[0][0] == pytest.approx(p, rel=1e-7) and np.isnan(fall.momenta[0][1])
+    assert fall.momenta[1] == pytest.approx(found.q1) and np.isfinite(found.q1q1).all()
+    assert found.q0q0[0, 0] == pytest.approx(S_xx, rel=1e-6)
+    assert found.q0q1[0] == pytest.approx(-found.q1q1[0], rel=1e-6)
+    assert np.isnan(found.q0q0[1]).all() and np.isnan(found.q0q1[1]).all()
+    atom = ao.System(lambda q, v, r: v[0] ** 2 / 2 - q[0] ** 2 / r, ["u"])
+    radial = ao.solve(ao.Problem(atom, ao.Event(0, [0]), ao.Event(3, [1])))
+    assert radial.momenta[0] == pytest.approx(radial.velocity(0.0), rel=1e-6)
+    assert np.isnan(radial.sensitivity().q0q0).all()
+
+
+def test_a_sweep_of_falls():
+    x = np.linspace(0.3, 2.0, 4)
+    falls = ao.Problem(BRACHISTOCHRONE, REST, ao.Event(1, [1, 0.7]))
+    runs = ao.sweep(falls, {("end", "x"): x})
+    wheels = np.array([roll(k, 0.7) for k in x])
+    assert abs(runs.solution(2).action - runs.action[2]) < 1e-9
+    assert np.abs(runs.action - wheels[:, 0] * wheels[:, 1] ** 2 / 2).max() < 1e-9
 
 
 @pytest.mark.long

@@ -205,7 +205,7 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
         If the tolerance is not between 1e-14 and 0.1.
     """
     tolerance(tol)
-    out = _left_out(solution)
+    out = _ends_without_motion(solution)
     if any(out):
         solution = _Inside.of(solution, out)
     problem, start, mesh = solution.problem, solution.start, solution.mesh
@@ -281,7 +281,7 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     return found
 
 
-def _left_out(solution: Claim) -> tuple[bool, bool]:
+def _ends_without_motion(solution: Claim) -> tuple[bool, bool]:
     """Return at which ends no motion is begun: where L is infinite, or it is not the only one.
 
     Of the motions that leave a place at which the mass vanishes each has another coordinate there.

@@ -11,7 +11,7 @@ no difference is taken, nothing is solved again, and the accuracy is that of the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,7 +59,8 @@ class Sensitivity:
     q0q0, q0q1, q1q1 : (n, n) arrays
         Second derivatives by the ends; minus `q0q1` is Van Vleck's matrix. With constraints
         they are reduced to the tangent planes at the events: along a curve q(s) on the surface
-        add dS/dq . q''. Infinite or huge where the ends are conjugate. Times and places of events
+        add dS/dq . q''. Infinite or huge where the ends are conjugate, NaN where S has none, by a
+        coordinate at an end where L is infinite. Times and places of events
         between the ends, and multipliers, follow the ends; the duration does not.
     through_q : (k, n) array
         dS/dq = -[p] at the events between the ends: minus the `impulses` in coordinates that are
@@ -83,6 +84,19 @@ class Sensitivity:
     integral: Array
 
     __repr__ = one_line
+
+    def where(self, first: Array, last: Array) -> Sensitivity:
+        """Return the same with the second derivatives by some coordinates of the ends, (n,) each.
+
+        NaN in place of the others.
+        """
+        one, other = (np.where(known, 0.0, np.nan) for known in (first, last))
+        return replace(
+            self,
+            q0q0=self.q0q0 + one[:, None] + one,
+            q0q1=self.q0q1 + one[:, None] + other,
+            q1q1=self.q1q1 + other[:, None] + other,
+        )
 
     @property
     def van_vleck(self) -> float:

@@ -26,6 +26,7 @@ from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
+from actionopt.mechanics.singular_ends import finite_derivatives
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from actionopt.analysis.index import Inertia
     from actionopt.analysis.sensitivity import Sensitivity
 
+# Of an element, from an end where L is infinite: where it is asked what grows. Ad hoc.
+BESIDE_END = np.array([1e-2, 1e-4])
 IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")
 
 DRAWN_POINTS, DRAWN_COORDINATES = 201, 4  # points of a path in a notebook, and coordinates
@@ -120,9 +123,9 @@ class Solution:
         """Momenta p0 = -dS/dq0 and p1 = +dS/dq1 at the events, each (n,): accurate to order 2d.
 
         Where L contains accelerations, Ostrogradsky's: those of q, then those of v, (order n,).
-        With constraints, those of the motions that the constraints allow. Of no meaning at
-        an end where the inertia is infinite. Hamilton and Jacobi's identities; Marsden and
-        West (2001), section 1.3.
+        With constraints, those of the motions that the constraints allow. NaN where they are
+        infinite, at an end where L is. Hamilton and Jacobi's identities; Marsden and West (2001),
+        section 1.3.
         """
         if self.ends is not None:
             return self.ends.momenta
@@ -134,6 +137,10 @@ class Solution:
         if system.order > 1:
             return self._free_momenta
         if not (system.m or (system.r and (self._is_held_at(0) or self._is_held_at(1)))):
+            if any(self.mesh.singular_ends):
+                finite = [known[0] for known in self._finite_at_ends]
+                pairs = zip(finite, self._free_momenta, strict=True)
+                return _read_only(*(np.where(known, p, np.nan) for known, p in pairs))
             return self._free_momenta
         p0, p1 = (
             system.momentum(s.q, s.v, s.t, parameters=parameters) for s in (self.start, self.end)
@@ -610,7 +617,12 @@ class Solution:
         """Return the derivatives of the action by the events and the parameters."""
         from actionopt.analysis.sensitivity import sensitivity
 
-        return sensitivity(self.discrete, self.error, self.momenta, self.impulses, self.time_slopes)
+        found = sensitivity(
+            self.discrete, self.error, self.momenta, self.impulses, self.time_slopes
+        )
+        if any(self.mesh.singular_ends):
+            return found.where(*(known[1] for known in self._finite_at_ends))
+        return found
 
     def action_function(self) -> ca.Function:
         """Return the discrete action on the mesh of this path as a CasADi function.
@@ -717,6 +729,18 @@ class Solution:
     @cached_property
     def _free_momenta(self) -> tuple[Array, Array]:
         return _read_only(*self.discrete.tr.momenta(self.discrete.z))
+
+    @property
+    def _finite_at_ends(self) -> list[tuple[Array, Array]]:
+        """Whether momenta, and second derivatives of S, are finite at both ends, (n,) each."""
+        found = []
+        for k, b in enumerate((self.mesh.boundaries[:2], self.mesh.boundaries[:-3:-1])):
+            t = b[0] + (b[1] - b[0]) * BESIDE_END
+            known = np.full((2, self.problem.system.n), True)
+            if self.mesh.singular_ends[k]:
+                known[:] = finite_derivatives(self.problem, self(t).T, self.velocity(t).T, t)
+            found.append((known[0], known[1]))
+        return found
 
     @cached_property
     def _states(self) -> tuple[State, State]:

@@ -87,8 +87,8 @@ def _again(
     if guess is None:
         return None
     found, momenta = solve_near(problem, guess, tol), beside.momenta[j]
-    off = np.abs(np.stack(found.momenta) - momenta).max()
-    same = off <= SAME_MOMENTA * (np.abs(momenta).max() or 1.0)
+    off = np.nanmax(np.abs(np.stack(found.momenta) - momenta))
+    same = off <= SAME_MOMENTA * (np.nanmax(np.abs(momenta)) or 1.0)
     return found if found.success and same else None
 
 

@@ -254,7 +254,7 @@ class Runs:
         ends (and coordinates that are free there) change several times as much as around, or the
         action otherwise than `slopes` say.
         """
-        told = [self.momenta.reshape(*self.shape, -1)]
+        told = [np.nan_to_num(self.momenta).reshape(*self.shape, -1)]
         for k, event in enumerate((self.problem.start, self.problem.end)):
             free = [i for i, x in enumerate(event.q) if x is None]
             told.append(self.ends[..., k, free])
@@ -289,7 +289,7 @@ class Runs:
         problem = self.grid.member(i)
         found = solve(problem, guess=self._near(problem, i), tol=self.tol, throw=False)
         S, known = self.action.flat[i], self.momenta.reshape(-1, *self.momenta.shape[-2:])[i]
-        off = np.max(np.abs(np.stack(found.momenta) - known)) / (np.max(np.abs(known)) or 1.0)
+        off = np.nanmax(np.abs(np.stack(found.momenta) - known)) / (np.nanmax(np.abs(known)) or 1.0)
         off = 0.0 if problem.is_infinite else off  # they are those of the window's edges
         unit = max(abs(S), float(np.ptp(self.action[self.success]))) or 1.0
         if not (found.success and max(off, abs(found.action - S) / unit) <= SAME_MOMENTA):

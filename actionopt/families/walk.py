@@ -67,4 +67,4 @@ def _steps(
 def _alike(a: Solution, b: Solution) -> bool:
     """Whether two paths between the same ends set out and arrive alike."""
     p, q = np.stack(a.momenta), np.stack(b.momenta)
-    return bool(np.max(np.abs(p - q)) <= SAME_END * np.max(np.abs(p)))
+    return bool(np.nanmax(np.abs(p - q)) <= SAME_END * np.nanmax(np.abs(p)))

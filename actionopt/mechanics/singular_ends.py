@@ -22,6 +22,8 @@ LEAVING_POWERS = (1, 2, 3)  # of the time, with which a smooth path may leave
 LEAVING_PARTS = np.array([1e-2, 1e-3, 1e-6])  # parts of the duration until then
 # From the first of these to the last, of what stays finite: 1 / sqrt(t) grows by 100.
 FINITE_GROWTH = 3.0
+# Of what has an integral, nearer to an end by a hundred: between 1 / sqrt(t) and 1 / t.
+INTEGRABLE_GROWTH = 30.0
 BESIDE_EVENT = 1e-3  # of the coordinates' sizes and of the duration: near an event, and not there
 
 
@@ -92,6 +94,20 @@ def _stays_finite(
         np.isfinite(x).all() and (np.abs(x[-1]) <= FINITE_GROWTH * np.abs(x[0]).max()).all()
         for x in ((L, Lq) if force else (L,))
     )
+
+
+def finite_derivatives(problem: Any, q: Array, v: Array, t: Array) -> tuple[Array, Array]:
+    """Return of which coordinates the momentum is finite at an end where L is infinite, (n,).
+
+    And by which S has second derivatives there: where L_qq, of a coordinate that is the same along
+    the path beside the end, has an integral. By what both are at places q (2, n) with velocities v
+    and times t (2,), the second a hundredth as far from the end as the first.
+    """
+    at = q, v, t[:, None], problem.packed
+    p = np.abs(problem.system.pointwise("first")(*at)[1])
+    L_qq = np.abs(diagonal(problem.system, 0, problem.system.pointwise("second")(*at)[0]))
+    grown = [x[1] > limit * x[0] for x, limit in ((p, FINITE_GROWTH), (L_qq, INTEGRABLE_GROWTH))]
+    return ~grown[0], ~(grown[0] | grown[1])
 
 
 def nonfinite(problem: Any, q: Array, t: float, rates: Array) -> str:

@@ -56,7 +56,7 @@ def eigenvectors(
         found = _on_mesh(problem, straight, mesh, lengths, count)
         if found is None:
             return None
-        rough = _unresolved(found)
+        rough = _rough_elements(found)
         if not rough.size:
             return found
         nodes = mesh.offsets[-1] + rough.size * max(mesh.degrees)
@@ -114,7 +114,7 @@ def _inverse_root(S: Array, G: Array) -> Array | None:
     return None
 
 
-def _unresolved(found: Eigenvectors) -> NDInt:
+def _rough_elements(found: Eigenvectors) -> NDInt:
     """Return the elements in which the polynomials of eigenvectors do not decay."""
     tr = found.tr
     rough = np.zeros(tr.mesh.elements, dtype=bool)
