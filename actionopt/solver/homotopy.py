@@ -144,10 +144,7 @@ class HomotopyCurve:
                 size = float(np.max(np.abs(step[:cut])))
                 if not np.isfinite(size) or size > 2 * last:
                     return None
-                z, s = z + step, s + float(change)
+                z, s, last = z + step, s + float(change), size
                 if size < CORRECTOR_TOL:
                     return z, s, slope, k
-                if k > 1 and size * (size / last) ** 2 < CORRECTOR_TOL:  # the next would be last
-                    return z, s, slope, k + 1
-                last = size
         return None
