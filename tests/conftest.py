@@ -9,6 +9,10 @@ import pytest
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: the matrices are small
 os.environ["MPLBACKEND"] = "Agg"  # before matplotlib: no window opens
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # To rewrite all that is asserted takes each process six seconds, and workers know of no
+    # `--assert=plain`. The values of what fails are shown where its file is run alone.
+    sys.meta_path[:] = [x for x in sys.meta_path if type(x).__name__ != "AssertionRewritingHook"]
 
 
 # First words of the names of the test files that are not on how a path is found and judged. All
@@ -38,9 +42,6 @@ def pytest_cmdline_main(config):
         config.option.numprocesses = "auto"
         config.option.maxprocesses = 2  # each reads all the tests before it runs any
         config.option.dist = "loadfile"  # what one file solves for many tests is solved once
-        # To rewrite all that is asserted takes each process four seconds. The values of what fails
-        # are shown where its file is run alone.
-        config.option.assertmode = "plain"
 
 
 def pytest_collection_modifyitems(config, items):
