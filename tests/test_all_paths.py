@@ -197,6 +197,13 @@ def test_progress_and_interruption():
     assert "interrupted" in str(found)
 
 
+def test_only_errors_that_tell_of_no_problem_escape():
+    for error in (np.linalg.LinAlgError("Singular"), ValueError("expected a path, found none")):
+        searches.raise_defect(error)
+    with pytest.raises(ValueError, match="broadcast"):
+        searches.raise_defect(ValueError("could not broadcast"))
+
+
 def test_a_comparison_that_cannot_tell_contradicts_nothing(monkeypatch):
     undecided = type("Undecided", (), {"agrees": None})()
     monkeypatch.setattr(ao.Solution, "compare", lambda _: undecided)

@@ -10,6 +10,7 @@ from scipy.special import jn_zeros, jv
 
 import actionopt as ao
 from actionopt.analysis.flow import IntegrationError
+from actionopt.mechanics.singular_ends import nonfinite
 
 AREA = {3: 4 * np.pi, 4: 2 * np.pi**2}  # of the unit sphere in D dimensions
 
@@ -276,3 +277,9 @@ def test_a_path_from_a_singular_place_is_kept_in_files(tmp_path):
     t = np.linspace(0, 1, 23)
     assert (again(t) == fall(t)).all() and again.mesh.singular_ends == fall.mesh.singular_ends
     assert (pickle.loads(pickle.dumps(fall))(t) == fall(t)).all()
+
+
+def test_a_lagrangian_is_asked_at_velocities_below_its_limit_too():
+    light = ao.System(lambda q, v, t: -np.sqrt(1 - v[0] ** 2), ["x"])
+    problem = ao.Problem(light, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.5]))
+    assert not nonfinite(problem, np.zeros(1), 0.0, np.array([3.0]))

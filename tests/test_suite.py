@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers import a_quarter
 
-from actionopt import scenes, suite
+from actionopt import Mesh, scenes, suite
 from actionopt.suite import known, solvers, stars
 from actionopt.suite.families import redundant
 from actionopt.suite.interfaces import hessian, jacobian
@@ -396,12 +396,17 @@ def test_find_by_what_is_asked():
         suite.get("pendulum", mass=1.0)
 
 
+def test_of_what_is_not_in_the_table_nothing_is_known():
+    program = SimpleNamespace(mesh=Mesh.uniform(0.0, 1.0, 3, 4))
+    assert known.starts("nothing", program) == known.paths("nothing", program) == 0
+
+
 def test_sizes_are_asked_of_what_has_the_tags():
     tags = "unbounded below", "stiff potential"
     size = suite.get("charge_strong").n, suite.get("oscillator_stiff").n
-    assert size[0] != size[1]
+    assert abs(size[0] - size[1]) > 1
     for name, n in zip(("charge_strong", "oscillator_stiff"), size, strict=True):
-        assert suite.find(tags=tags, size=(n, n)) == [name]
+        assert suite.find(tags=tags, size=(n - 1, n + 1)) == [name]
 
 
 @pytest.mark.parametrize("count", [0, 1.5])

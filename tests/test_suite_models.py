@@ -658,6 +658,12 @@ def length_of_string(centres, sides, ends):
     return longest
 
 
+def test_two_links_are_a_chain_and_one_is_none():
+    assert suite.model("chain_too_short", links=2).n > 0
+    with pytest.raises(ValueError, match="number of links, at least 2, found 1"):
+        suite.model("chain_too_short", links=1)
+
+
 def test_sides_are_above_and_below(monkeypatch):
     lengths = {(1,): 2.0, (-1,): 1.0}
     monkeypatch.setattr(
