@@ -44,6 +44,16 @@ def test_ipopt_alone_finds_the_same_path(scene):
         ao.solve(scene.problem, method="newton")
 
 
+def test_steps_place_by_place_are_for_many_coordinates():
+    def lagrangian(q, v, t):  # a lattice of quartic springs
+        d = [q[0], *(q[j + 1] - q[j] for j in range(14)), -q[14]]
+        return v @ v / 2 - sum(s**2 / 2 + s**4 / 4 for s in d)
+
+    lattice = System(lagrangian, [f"q{j}" for j in range(15)])
+    problem = ao.Problem(lattice, ao.Event(0.0, np.zeros(15)), ao.Event(1.0, np.ones(15)))
+    assert not applies("places", problem)
+
+
 @pytest.mark.long
 def test_ten_to_twenty_coordinates_have_a_root_search():
     """A Toda lattice: too few masses for steps place by place, too many for motions that meet."""
