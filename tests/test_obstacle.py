@@ -599,6 +599,24 @@ def test_ropes_that_grow_come_to_lie_on_the_floor():
 
 
 @pytest.mark.long
+def test_a_loop_round_a_given_area_may_be_shifted_along_a_strip():
+    """Two half circles and the walls between them; where along these tells nothing."""
+    h, area = 0.4, 1.0
+    strip = ao.System(
+        lambda q, v, t: v @ v / 2,
+        ["x", "y"],
+        obstacle=lambda q, t: [h - q[1], h + q[1]],
+        integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2,
+    )
+    problem = ao.Problem(strip, ao.Event(0, [None, None]), ao.Periodic(1.0), integral=area)
+    turn = 2 * np.pi
+    sol = ao.solve(problem, guess=lambda t: [0.9 * np.cos(turn * t), 0.39 * np.sin(turn * t)])
+    around = 2 * (area - np.pi * h**2) / (2 * h) + 2 * np.pi * h
+    assert sol.action == pytest.approx(around**2 / 2, rel=1e-10)
+    assert (sol.morse_index, sol.inertia.moves, len(sol.contacts)) == (0, 2, 2)
+
+
+@pytest.mark.long
 def test_a_branch_of_free_duration_follows_contact():
     """At the energy E it takes the length over sqrt(2 E), and S = E T."""
     system = ao.System(

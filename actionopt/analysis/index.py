@@ -192,7 +192,7 @@ def inertia_beside(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
 
 def _beside(at: DiscretePath, tolerance: float, form: Form | None) -> Inertia:
     asked = at.problem.original
-    bordered, y = equations_of(asked, at, () if at.problem.touches else moves_of(asked))
+    bordered, y = equations_of(asked, at, moves_of(asked))
     assert isinstance(bordered, Bordered)
     found = _on_its_mesh(bordered.discrete(y), bordered, y, tolerance, form)
     if bordered.start_coordinates and found.nullity:

@@ -471,9 +471,10 @@ class Move(NamedTuple):
 
 def moves_of(problem: Problem) -> tuple[Move, ...]:
     """Return the motions of configuration space that a closed path may be subjected to."""
-    if not problem.closes or problem.system.r or (problem.system.n == 1 and _has_force(problem)):
+    if not problem.closes or (problem.system.n == 1 and _has_force(problem)):
         return ()
-    system, advance = problem.system, problem.advance
+    outside, advance = problem.free.system, problem.advance
+    system = outside.without_obstacle if outside.r else outside
     known = system.memoize("moves", dict)
     key = problem.packed.tobytes()
     if key not in known:
@@ -485,6 +486,11 @@ def moves_of(problem: Problem) -> tuple[Move, ...]:
     # What is moved closes as well: xi(P q + a) = P xi(q).
     P = np.eye(system.n)[list(problem.order)]
     kept = [np.r_[(A @ P - P @ A).ravel(), A @ advance + b - P @ b] for A, b in known[key]]
+    if outside.r:  # and moves along the obstacle's surfaces
+        q, normals = general_points(system.n), outside.with_contact.pointwise("constraint_jacobian")
+        G = normals.full(0, normals(q, np.zeros((len(q), 1)), problem.packed)[0])[:, system.m :]
+        into = [np.einsum("kri,ki->kr", G, q @ A.T + b).ravel() for A, b in known[key]]
+        kept = [np.r_[pair] for pair in zip(kept, into, strict=True)]
     if not np.any(kept):
         return tuple(known[key])
     _, values, right = np.linalg.svd(np.transpose(kept))

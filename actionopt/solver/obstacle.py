@@ -27,7 +27,7 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import times_of
+from actionopt.discrete.borders import moves_of, times_of
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.contact_times import merge_contacts, tangency_step, with_contact_times
 from actionopt.discrete.discrete_path import DiscretePath
@@ -157,7 +157,7 @@ class Along(Workspace[Iterate]):
             z[here.x.size :] *= old.mu_unit / tr.mu_unit
             here = replace(here, tr=tr, z=z)
         if held.has_free_boundary:
-            bordered, y = Bordered.beside(held.original, here)
+            bordered, y = Bordered.beside(held.original, here, moves_of(held.original))
             known = here.sizes, here.lengths, here.gain
             here = UnfixedPath(here.tr, y, *known, bordered=bordered)
         return here
