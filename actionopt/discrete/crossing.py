@@ -8,17 +8,21 @@ found where these change, all others where the balance of energy does not hold (
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import (
+    DRIFT_SAFETY,
     INNER_PARTS,
+    Balance,
     Imbalance,
-    imbalance,
     narrowest_intervals,
+    plain_drift,
     round_off_time,
+    rounding,
 )
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
@@ -102,12 +106,38 @@ def first_crossing(found: Switches, problem: Problem, path: Path) -> Jump | None
     return replace(jump, inevitable=inevitable, surface=changed)
 
 
-def find_imbalance(at: DiscretePath, error: float) -> Jump | Imbalance | None:
-    """Return a jump of L behind an imbalance of energy, or where there is one without, or None.
+def find_imbalance(
+    at: DiscretePath,
+    error: float,
+    tol: float = np.inf,
+    growth: Callable[[], float] = lambda: 1.0,
+) -> tuple[Jump | Imbalance | None, float]:
+    """Return where the balance of energy does not hold, a jump of L if there is one; None if not.
 
-    `error` is that of the path, in its own size.
+    And the error of the path as far as its energy tells: beyond `tol`, that may come of steps
+    closer than samples.
+
+    Parameters
+    ----------
+    at : DiscretePath
+    error, tol : float
+        The path's, and to what it is wanted, in its own size.
+    growth : callable
+        Returns how much farther an impulse moves the path than a free body, at least one.
     """
-    return jump_or(at, imbalance(at, error))
+    if at.problem.system.structure.jumpless:
+        return None, error
+    drift = plain_drift(at)
+    if drift is not None and DRIFT_SAFETY * drift <= max(tol, error):
+        return None, max(error, DRIFT_SAFETY * drift)
+    balance = Balance.of(at)
+    off = jump_or(at, balance.beyond(error, 1.0 if balance.holds else growth()))
+    told = max(error, DRIFT_SAFETY * balance.drift())
+    if off is None and told > max(tol, error):
+        known = rounding(at.problem, at.path)
+        told = max(error, DRIFT_SAFETY * balance.drift(known, stepped=True))
+        off = balance.largest() if told > tol else None
+    return off, told
 
 
 def jump_or(at: DiscretePath, found: Imbalance | None) -> Jump | Imbalance | None:

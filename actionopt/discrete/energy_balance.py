@@ -29,11 +29,12 @@ Nor is it to move the path by more than its error. Where a body is slow an energ
 that it does not get, dE, leaves it short of the momentum dE / v, which on a mesh that does not see
 it appears nowhere else. `Balance.beyond` says what that allows in each interval.
 
-Mostly that need not be drawn up: `is_plain`.
+Mostly that need not be drawn up: `plain_drift`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -42,10 +43,11 @@ import numpy as np
 from actionopt.discrete import second_quadrature
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.path import Path
+from actionopt.discrete.second_quadrature import Batch
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.lobatto import Sampling, lgl
-from actionopt.tools.types import EPS, Array
+from actionopt.tools.types import EPS, Array, NDInt
 
 ROUNDOFF = 100 * EPS  # of the terms of (1), a few in each of its sums; ad hoc
 INNER_PARTS = 16  # into which an interval is cut where the balance does not hold; ad hoc
@@ -64,6 +66,9 @@ AMPLIFIED = 4.0  # round-off where L is continued to the ends of panels; measure
 STEP_SHARE = 0.06  # of a step among 6 to 35 points that 3 of 4 degrees leave at one, at least
 # Of L, what an error of the path may explain of it where no drift of the energy is known; ad hoc.
 UNCERTAIN_SHARE = 1e-2
+# From what a varying energy shows of an error. Measured: 0.9 to 1.2 of it are the error at cusps.
+DRIFT_SAFETY = 2.0
+NOWHERE: NDInt = np.empty(0, dtype=np.intp)
 UNDECIDED = 16 * EPS  # of the times: on which side of a step a path is, in such an interval; ad hoc
 
 
@@ -132,11 +137,9 @@ class Balance:
     momentum: Array
 
     @classmethod
-    def of(cls, at: DiscretePath) -> Balance | None:
-        """Draw it up; None where L plainly does not jump."""
+    def of(cls, at: DiscretePath) -> Balance:
+        """Draw it up."""
         tr, problem = at.tr, at.problem
-        if problem.system.structure.jumpless:
-            return None
         batches, point = tr.between_nodes, tr.place(at.x)
         with np.errstate(all="ignore"):
             q, v, force, momentum, L, explicit = second_quadrature.values(tr, at.x, batches)
@@ -163,10 +166,7 @@ class Balance:
                 off.append(_off_between(b.rule, b.half[:, 0], *known, *ends))
                 if b.singular:  # up to where L is infinite nothing is known
                     off[-1][:, [end for end in (0, -1) if tr.mesh.singular_ends[end]]] = 0.0
-            # Between elements velocities differ by the error of the path.
-            means = (momenta[:, 1:, 0] + momenta[:, :-1, 1]) / 2
-            steps = (speeds[:, 1:, 0] - speeds[:, :-1, 1]) * means
-            between = outer[1:, 0] - outer[:-1, 1] - steps.sum(axis=0)
+            between = steps_between(speeds, momenta, outer)
             if tr.sides is not None:  # where laws switch L may jump: their momentum is continuous
                 between[tr.sides[0][1:] != tr.sides[1][:-1]] = 0.0
             if problem.through:  # momenta jump there
@@ -255,15 +255,16 @@ class Balance:
 
         But for what a `rounding` of L may do, and where L steps in the time alone, if it is asked
         where it is `stepped`. Along a motion E = H - int (Q . v - lam . df/dt - dL/dt) dt is
-        constant. A change of it by dE changes the velocity by dE / p, and in the time since the
+        constant. A change of it by dE changes the velocity by dE / m v, and in the time since the
         path by the sum:
 
-            max_t |int_0^t (E - mean E) dt| / sum (max_t |L_v| s).
+            max_t |int_0^t (E - E0) / (|m v| . s) dt|,
 
-        That sees what no sum of forces does: a cusp, where what one sample weighs is nothing and
-        the impulse is much, or a corner of the path at a kink of L in v, where momenta agree at any
-        time. (Measured: 0.8 to 1.1 of the error at cusps; on the scenes and at kinks 0.7 of the
-        estimate at most, mostly a hundredth.) Zero where it is not known.
+        with the E0 that leaves the end where it is, and the mean |v| of each element. That sees
+        what no sum of forces does: a cusp, where what one sample weighs is nothing and the impulse
+        is much, a corner of the path at a kink of L in v, where momenta agree at any time, or a
+        feature that is met slowly, where a path is far from resolved that is so in its own size.
+        Zero where it is not known.
         """
         structure, tr = self.at.problem.system.structure, self.at.tr
         if self.at.problem.through or tr.order > 1:
@@ -275,10 +276,9 @@ class Balance:
                     energy = energy - self._work(stepped)
                 except ValueError:  # forces of constraints that depend on one another
                     return 0.0
-            carried = _largest_integral(tr, _element_integrals(tr, energy))
-        carried -= max(rounding, ROUNDOFF * self.read) * tr.mesh.duration
-        reach = _sum(self.momentum * self.size)
-        return carried / reach if 0 < carried < np.inf else 0.0
+            energy = _element_integrals(tr, energy)
+            rounding = max(rounding, ROUNDOFF * self.read)
+            return _drift_of(tr, self.at.x, energy, None, rounding)
 
     def _work(self, stepped: bool) -> Array:
         """Return int_0^t (Q . v - lam . df/dt - dL/dt) dt at the samples, (points,)."""
@@ -378,67 +378,61 @@ class Balance:
 
 
 @np.errstate(all="ignore")
-def is_plain(at: DiscretePath, error: float, safety: float) -> bool:
-    """Return whether L plainly has no step along a path: it is smooth there, and H is constant.
+def plain_drift(at: DiscretePath) -> float | None:
+    """Return the `Balance.drift` of a path along which L plainly has no step; else None.
 
     A step between the samples of a panel is no polynomial of 3 of 4 degrees that they have, or it
     is between two panels: where L is smooth to round-off it does not step, and elsewhere (1) is to
-    hold to round-off. Steps closer than samples change H without a reason, as the drift shows,
-    which is to be within the `error`, `safety` times. Where that is not known the balance decides.
+    hold to round-off. Steps closer than samples change H without a reason, as the drift shows:
+    where that is not known the balance decides.
     """
     tr, problem, structure = at.tr, at.problem, at.problem.system.structure
-    if structure.jumpless:
-        return True
     batches, N, n = tr.between_nodes, tr.mesh.elements, problem.system.n
     if structure.forced or problem.through or tr.order > 1 or N < FEW_ELEMENTS:
-        return False
+        return None
     if tr.sides is not None or (problem.system.m and structure.depends_on_time):
-        return False
+        return None
     _, v, force, p, L, explicit = second_quadrature.values(tr, at.x, batches)
     power = p * v
     power = power[:, 0] if n == 1 else power @ np.ones(n)
     most, read = float(power.max()), max(abs(float(L[k])) for k in (0, L.size // 2, -1))
     allowed = AMPLIFIED * ROUNDOFF * (most + read)
-    point, ends = tr.place(at.x), tr.layout.element_ends
-    _, momenta, outer = (y[ends].reshape(N, 2, -1) for y in tr.first(at.x))
-    u, outer, first = point.v[ends].reshape(N, 2, n), outer[:, :, 0], 0
+    speeds, momenta, outer = _at_ends(tr, at.x)
+    first = 0
     for b in batches:
-        shape = b.elements.size, b.rule.nodes.size
-        here = slice(first, first := first + shape[0] * shape[1])
-        inner, rest = b.rule.ends_and_rest(L[here])
-        sides = np.empty((shape[0], b.rule.panels + 1, 2))
-        sides[:, 1:, 0] = inner[:, 1].reshape(-1, b.rule.panels)
-        sides[:, :-1, 1] = inner[:, 0].reshape(-1, b.rule.panels)
-        sides[:, 0, 0], sides[:, -1, 1] = outer[b.elements].T
-        steps = np.abs(sides[..., 1] - sides[..., 0])
-        smooth = max(float(rest.max()), -float(rest.min())) <= STEP_SHARE * allowed
-        if smooth and steps.max() <= allowed:
-            continue
-        left = np.abs(rest.reshape(shape)).max(axis=1)
-        odd = np.flatnonzero(~((left <= STEP_SHARE * allowed) & (steps.max(axis=1) <= allowed)))
-        known = (y[here].reshape(*shape, n)[odd] for y in (p, v, force))
-        P, V, F = (np.ascontiguousarray(y.transpose(2, 0, 1)) for y in known)
-        rate = (F * V).sum(axis=0)
-        if explicit.size > 1:
-            rate += explicit[here].reshape(shape)[odd]
-        e = b.elements[odd]
-        known = P, L[here].reshape(shape)[odd], rate, V, outer[e], u[e].transpose(2, 0, 1)
-        if not np.abs(_off_between(b.rule, b.half[odd, 0], *known)).max() <= allowed:
-            return False
-    # Between elements velocities differ by the error of the path.
-    steps = (u[1:, 0] - u[:-1, 1]) * (momenta[1:, 0] + momenta[:-1, 1]) / 2
-    if not np.abs(outer[1:, 0] - outer[:-1, 1] - steps.sum(axis=1)).max() <= allowed:
-        return False
-    energy = _element_integrals(tr, power - L)
+        rows = b.elements.size, b.rule.nodes.size
+        here = slice(first, first := first + rows[0] * rows[1])
+
+        def of_rows(odd: NDInt, b: Batch = b, here: slice = here) -> tuple[Array, ...]:
+            shape = b.elements.size, -1, n
+            found = (y[here].reshape(shape)[odd].transpose(2, 0, 1) for y in (p, v, force))
+            timed = explicit if explicit.size == 1 else explicit[here].reshape(shape[:2])[odd]
+            return *found, timed, speeds[:, b.elements[odd]]
+
+        ends = outer[b.elements]
+        if may_step(b.rule, b.half[:, 0], L[here].reshape(rows), ends, allowed, of_rows).size:
+            return None
+    if not np.abs(steps_between(speeds, momenta, outer)).max() <= allowed:
+        return None
+    energy, gained = _element_integrals(tr, power - L), None
     if explicit.size > 1:  # H + int dL/dt dt is constant
-        work = _element_integrals(tr, explicit)
-        before = work.cumsum() - work + _element_integrals(tr, explicit, left=True)
-        energy += before * tr.mesh.lengths
-    farthest = _largest_integral(tr, energy)
-    if farthest <= ROUNDOFF * read * tr.mesh.duration:
-        return True
-    reach = np.abs(momenta[:, 0]).max(axis=0) @ np.abs(point.at).max(axis=0)
-    return bool(safety * farthest <= error * reach)
+        energy += _element_integrals(tr, explicit, left=True) * tr.mesh.lengths
+        gained = _element_integrals(tr, explicit)
+    return _drift_of(tr, at.x, energy, gained, ROUNDOFF * read)
+
+
+def _drift_of(
+    tr: Transcription, x: Array, energy: Array, gained: Array | None, rounding: float
+) -> float:
+    """Return the `drift` along a path by integrals of the energy over its elements, (N,)."""
+    lengths = tr.mesh.lengths
+    if carried(energy, lengths, np.ones(1), rounding, gained) == 0:
+        return 0.0
+    mass, size = second_quadrature.inertia(tr, x), np.abs(tr.place(x).at).max(axis=0)
+    v, n = second_quadrature.values(tr, x, tr.between_nodes)[1], tr.problem.system.n
+    squares = np.stack([_element_integrals(tr, v[:, i] ** 2) for i in range(n)], axis=1)
+    reach = (np.abs(mass) @ np.sqrt(squares / lengths[:, None])[:, :, None])[:, :, 0] @ size
+    return float(carried(energy, lengths, reach, rounding, gained))
 
 
 def _element_integrals(tr: Transcription, values: Array, *, left: bool = False) -> Array:
@@ -454,17 +448,67 @@ def _element_integrals(tr: Transcription, values: Array, *, left: bool = False) 
     return found
 
 
-def _largest_integral(tr: Transcription, energy: Array) -> float:
-    """Return max_t |int_0^t (E - mean E) dt|, of the integrals of E over the elements, (N,)."""
-    carried = energy.cumsum()
-    carried -= carried[-1] / tr.mesh.duration * tr.mesh.since[1:]
-    return float(np.abs(carried).max())
+def may_step(
+    rule: Sampling,
+    half: Array,
+    L: Array,
+    L_ends: Array,
+    allowed: Array | float,
+    of_rows: Callable[[NDInt], tuple[Array, ...]],
+) -> NDInt:
+    """Return the elements on which L may step, by more than is `allowed` to it (R,).
+
+    Of R elements L (R, points) and L (R, 2) at the ends, and half the lengths (R, 1). `of_rows`
+    returns of some of them, (r,), L_v, v and L_q (n, r, points), dL/dt (r, points) or a zero, and v
+    (n, r, 2) at the ends.
+    """
+    rest, gaps = rule.rest_and_gaps(L, L_ends)
+    least = np.min(allowed)
+    limit = STEP_SHARE * least
+    if -limit <= rest.min() and rest.max() <= limit and np.abs(gaps).max() <= least:
+        return NOWHERE
+    smooth = np.abs(rest).max(axis=1) <= STEP_SHARE * allowed
+    smooth &= np.abs(gaps).max(axis=1) <= allowed
+    odd = np.flatnonzero(~smooth)
+    if not odd.size:
+        return odd
+    p, v, force, explicit, v_ends = of_rows(odd)
+    p, v, force = (np.ascontiguousarray(y) for y in (p, v, force))
+    rate = (force * v).sum(axis=0) + explicit
+    off = _off_between(rule, half[odd], p, L[odd], rate, v, L_ends[odd], v_ends)
+    known = np.abs(off).max(axis=1) <= np.broadcast_to(allowed, len(L))[odd]
+    return odd[~known]
 
 
-def imbalance(at: DiscretePath, error: float) -> Imbalance | None:
-    """Return where (1) is off by more than `error` allows along a path, or None."""
-    balance = Balance.of(at)
-    return None if balance is None else balance.beyond(error)
+def steps_between(v: Array, p: Array, L: Array) -> Array:
+    """Return how far L steps without a reason between elements, (..., N - 1).
+
+    By v and L_v (n, ..., N, 2) and L (..., N, 2) at both ends of each. Velocities differ there by
+    the error of the path.
+    """
+    means = p[..., 1:, 0] + p[..., :-1, 1]
+    known = ((v[..., 1:, 0] - v[..., :-1, 1]) * means).sum(axis=0)
+    return L[..., 1:, 0] - L[..., :-1, 1] - known / 2
+
+
+def carried(
+    energy: Array, lengths: Array, reach: Array, rounding: Array | float, gained: Array | None
+) -> Array:
+    """Return max_t |int_0^t (E - E0) / R dt|, (...), by integrals of E over parts (K, ...).
+
+    The parts are of these lengths (K, ...), in which R is the `reach`; E0 lets the integral vanish
+    at the end. What is `gained` in each part counts in all later ones. E is known but for a
+    `rounding` (...). Zero where nothing varies, or nothing is known.
+    """
+    if gained is not None:
+        energy = energy + lengths * (gained.cumsum(axis=0) - gained)
+    mean = energy / lengths
+    # What has no inertia is not carried.
+    slowness = np.where(reach > 0, lengths / reach, 0.0)
+    mean = mean - (mean * slowness).sum(axis=0) / slowness.sum(axis=0)
+    varied = np.sign(mean) * np.maximum(np.abs(mean) - rounding, 0.0)
+    found = np.abs((varied * slowness).cumsum(axis=0)).max(axis=0)
+    return np.where(found < np.inf, found, 0.0)
 
 
 def narrowest_intervals(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None:
@@ -550,11 +594,9 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
 
 def _at_ends(tr: Transcription, x: Array) -> tuple[Array, Array, Array]:
     """Return v and L_v (n, elements, 2), and L (elements, 2), at the ends of each element."""
-    point, ends, shape = tr.place(x), tr.layout.element_ends, (-1, tr.mesh.elements, 2)
-    # At all nodes: for as many times the function is ready.
-    first = tr.problem.system.pointwise("first")
-    _, p, L = first(point.at, point.v, tr.times, tr.problem.packed)
-    v, p, L = (y[ends].T.copy() for y in (point.v, p, L))
+    ends, shape = tr.layout.element_ends, (-1, tr.mesh.elements, 2)
+    _, p, L = tr.first(x)
+    v, p, L = (y.take(ends, axis=0).T for y in (tr.place(x).v, p, L))
     return v.reshape(shape), p.reshape(shape), L.reshape(shape[1:])
 
 

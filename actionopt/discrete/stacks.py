@@ -18,7 +18,14 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from actionopt.discrete.energy_balance import ROUNDOFF
+from actionopt.discrete.energy_balance import (
+    AMPLIFIED,
+    FEW_ELEMENTS,
+    ROUNDOFF,
+    carried,
+    may_step,
+    steps_between,
+)
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.second_quadrature import PANEL_COUNTS, departure, inverses
 from actionopt.mechanics.columns import Columns
@@ -334,53 +341,58 @@ class Stack:
             missed[which] -= (rule.weights @ L.reshape(len(L), -1)).reshape(half.shape) * half
         return np.abs(missed).sum(axis=0) / np.where(whole > 0, whole, 1.0)
 
-    def imbalance(self, Q: Array, samples: list[Samples]) -> tuple[Array, Array]:
-        """Return how far the balance of energy is off along paths, (C,), infinite if not known.
+    def drift(self, Q: Array, samples: list[Samples], second: list[Array]) -> Array:
+        """Return the `energy_balance.plain_drift` of each member, (C,); nan where L may step.
 
-        From sample to sample and element to element, in the unit of `energy_balance`; and their
-        `energy_balance.drift`, (C,).
+        By `samples` and `second` derivatives along them, or next to them.
         """
-        s, v = self.shape, self.velocities(Q)
-        structure, none = s.system.structure, np.zeros(len(self.times))
+        s, structure, count = self.shape, self.shape.system.structure, len(self.times)
         if structure.jumpless:
-            return none, none
+            return np.zeros(count)
+        v = self.velocities(Q)
         L, p, _, _ = self._evaluate("slopes", Q, v, self._at)
-        at_ends, ends = L[[0, -1], 0], v[[0, -1]]
-        step = (ends[0, :, 1:] - ends[1, :, :-1]) * (p[0, :, 1:] + p[-1, :, :-1]) / 2
-        between = at_ends[0, 1:] - at_ends[1, :-1] - step.sum(axis=0)
-        largest = np.abs(between).max(axis=0, initial=0.0)
         read = np.abs(L).max(axis=(0, 1, 2))
-        size, speed, momentum = (np.abs(y).max(axis=(0, 2)) for y in (Q, v, p))
-        most = np.zeros_like(size)
-        energy, work = np.zeros((2, s.E, none.size))
+        allowed = AMPLIFIED * ROUNDOFF * ((v * p).sum(axis=1).max(axis=(0, 1)) + read)
+        speeds, momenta = (y[[0, -1]].transpose(1, 3, 2, 0) for y in (v, p))  # (n, C, E, 2)
+        outer = L[[0, -1], 0].T  # (C, E, 2)
+        between = np.abs(steps_between(speeds, momenta, outer))
+        plain = (between <= allowed[:, None]).all(axis=1)
+        # The means of the energy over elements, or over the panels of a few.
+        parts = s.sampling[0][1].panels if s.E < FEW_ELEMENTS and len(s.sampling) == 1 else 1
+        energy, gained, reach = np.zeros((3, s.E, parts, count))
+        inertia = np.abs(self._inertia(second[2][(s.P - 1) // 2])).reshape(s.E, count, s.n, s.n)
+        weighted = np.einsum("ecij,ic->jec", inertia, np.abs(Q).max(axis=(0, 2)))
         for which, rule, half, _, v, _, (force, p, L, explicit) in samples:
-            # From one end of an element to the other, its samples between.
-            middle = p[len(p) // 2]
-            bent = rule.rates(v.reshape(1, len(v), -1)).reshape(v.shape)
-            rate = half * (force * v).sum(axis=1) + ((p - middle) * bent).sum(axis=1)
-            H = (v * p).sum(axis=1) - L[:, 0]
+            e = np.arange(s.E)[which]
+
+            def of_rows(
+                odd: NDInt, e: NDInt = e, known: tuple[Array, ...] = (p, v, force, explicit)
+            ) -> tuple[Array, ...]:
+                c, k = np.divmod(odd, e.size)
+                *found, timed = (y[:, :, k, c].transpose(1, 2, 0) for y in known)
+                return *found, timed[0], speeds[:, c, e[k]]
+
+            rows = half.T.reshape(-1, 1), L[:, 0].T.reshape(-1, len(L))
+            ends = outer[:, e].reshape(-1, 2), np.repeat(allowed, e.size)
+            plain[may_step(rule, *rows, *ends, of_rows) // e.size] = False
+            weights, nodes = (y.reshape(parts, 1, -1) for y in (rule.weights, rule.nodes))
+
+            def over(weights: Array, y: Array, half: Array) -> Array:
+                found = weights @ y.reshape(parts, -1, half.size)
+                return found.reshape(parts, *half.shape).swapaxes(0, 1) * half[:, None]
+
+            energy[which] = over(weights, (v * p).sum(axis=1) - L[:, 0], half)
+            for row, u in zip(weighted, v.swapaxes(0, 1), strict=True):
+                mean = over(weights / 2, u**2, np.full_like(half, parts))
+                reach[which] += row[which][:, None] * np.sqrt(mean)
             if structure.depends_on_time:
-                by_time = half * explicit[:, 0]
-                rate += by_time
-                done, work[which] = rule.integrals(by_time.swapaxes(0, 1))
-                H += done.swapaxes(0, 1)
-            energy[which] = (rule.weights @ H.reshape(len(H), -1)).reshape(half.shape) * half
-            level = np.empty((len(L) + 2, *half.shape))
-            level[1:-1] = L[:, 0] - (middle * v).sum(axis=1)
-            level[[0, -1]] = at_ends[:, which] - (middle * ends[:, :, which]).sum(axis=1)
-            changed = rule.increments(rate.reshape(len(rate), -1).T).T.reshape(-1, *half.shape)
-            steps = np.abs(level[1:] - level[:-1] - changed)
-            largest = np.maximum(largest, steps.max(axis=(0, 1)))
-            most = np.maximum(most, np.abs(force).max(axis=(0, 2)))
-            momentum = np.maximum(momentum, np.abs(p).max(axis=(0, 2)))
-            read = np.maximum(read, np.abs(L).max(axis=(0, 1, 2)))
-        largest = np.maximum(largest - ROUNDOFF * read, 0)
-        off = largest / (most * size + momentum * speed).sum(axis=0)
-        energy[1:] += 2 * self.half[1:] * work[:-1].cumsum(axis=0)
-        energy -= 2 * self.half * (energy.sum(axis=0) / self.duration)
-        carried = np.abs(energy.cumsum(axis=0)).max(axis=0) - ROUNDOFF * read * self.duration
-        drift = np.nan_to_num(np.maximum(carried, 0) / (momentum * size).sum(axis=0))
-        return np.where(np.isfinite(off), off, np.inf), drift
+                later = np.linspace(-1, 1, parts + 1)[1:, None, None] - nodes
+                gained[which] = over(weights, explicit, half)
+                energy[which] += over(weights * later, explicit, half) * half[:, None]
+        lengths = np.repeat(2 * self.half / parts, parts, axis=0)
+        energy, gained, reach = (x.reshape(lengths.shape) for x in (energy, gained, reach))
+        found = carried(energy, lengths, reach, ROUNDOFF * read, gained)
+        return np.where(plain & (len(lengths) >= FEW_ELEMENTS), found, np.nan)
 
     def _inertia(self, nonzeros: Array) -> Array:
         """Return mass matrices (E C, n, n) of their nonzeros (nonzeros, E, C) as in `second`."""

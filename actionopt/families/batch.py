@@ -23,8 +23,9 @@ from actionopt.analysis.index import inertia
 from actionopt.analysis.indices import indices
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.crossing import find_imbalance
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.energy_balance import ROUNDOFF
+from actionopt.discrete.energy_balance import DRIFT_SAFETY
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, compile_function
@@ -41,7 +42,9 @@ from actionopt.solver.iterate import (
     ROUNDED,
     SAFETY,
     UNKNOWN_GAIN,
+    Iterate,
     amplification,
+    coordinate_scales,
     estimate,
     sizes,
 )
@@ -289,7 +292,9 @@ class _Members:
                     steps = sum(found.stats["iterations"].values())
                     self.budget.well += steps * found.mesh.elements
             if found is None or not (found.success or again):
-                found = self._search(i, problem, None)
+                near, found = found, self._search(i, problem, None)
+                if near is not None and found.status is Status.NOT_FOUND:
+                    found = near  # which may tell more
             slopes = slope_along(found, self.columns)
             if self.counting and found.success:
                 with suppress(ValueError):  # there is none
@@ -460,12 +465,14 @@ class _Members:
         error = estimate(gain, found.omitted, found.noise)
         within = error <= self.tol
         error = np.maximum(error, SAFETY * found.missed)
+        error = np.fmax(error, DRIFT_SAFETY * found.drift)
         several = found.Q.shape[2] > 1
         sensitive = min(SENSITIVE, SENSITIVE_GROWTH * at.probed)
         one_of_many = found.probed > sensitive if several else found.noise > ROUNDED
         sound = found.converged & np.isfinite(found.omitted) & ~one_of_many
-        sound &= found.imbalance <= error + ROUNDOFF  # else L may jump
         good = sound & (error <= self.tol)
+        for k in np.flatnonzero(good & np.isnan(found.drift)).tolist():
+            good[k], error[k] = self._balances(at, int(which[k]), found.Q[k], float(error[k]))
         self.doubtful[which] = found.converged & ~good & ~(sound & ~within)
         i = which[good]
         self.action[i], self.error[i] = found.action[good], error[good]
@@ -477,6 +484,15 @@ class _Members:
         if self.counting:
             self._count(at, i, found.Q[good])
         return np.flatnonzero(sound & ~within)
+
+    def _balances(self, at: _MeshLevel, i: int, Q: Array, error: float) -> tuple[bool, float]:
+        """Return whether energy balances along a member's path, and its error, as `solve` does."""
+        path = Path(at.shape.mesh.moved(*self.times[i].tolist()), Q.T)
+        on_mesh = DiscretePath.of(member(self.problem, self.columns, i), path)
+        scales = coordinate_scales(on_mesh.problem, on_mesh.Q)
+        here = Iterate(on_mesh.tr, on_mesh.z, *scales)
+        off, error = find_imbalance(here, error, self.tol, lambda: here.impulse_gain(many=False)[0])
+        return off is None and error <= self.tol, error
 
     def _slopes(self, shape: StackShape, which: NDInt, Q: Array) -> Array:
         """Return the derivatives of the actions of members by what differs, (C, columns)."""

@@ -26,6 +26,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import times_of
 from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -372,7 +373,10 @@ class _TraceRun:
         """Return why a stationary path is no answer, a sentence; empty if it is one."""
         jump, problem = self._jump(point), point.at.problem
         if jump is not None:
-            return f"the path at {point.s:.6g} crosses a surface, on which {jump}"
+            crosses = (
+                "crosses a surface, on which" if isinstance(jump, Jump) else "is not resolved:"
+            )
+            return f"the path at {point.s:.6g} {crosses} {jump}"
         if not problem.through:
             return ""
         at = point.at
@@ -412,8 +416,11 @@ class _TraceRun:
         self._set(at.problem, at.path, at.rows, at.tr.lengths, s, sign)
         return True
 
-    def _jump(self, point: BranchPoint) -> Jump | None:
-        """Return a jump of L that the path crosses, or None."""
+    def _jump(self, point: BranchPoint) -> Jump | Imbalance | None:
+        """Return a jump of L that the path crosses, or where its energy does not balance.
+
+        `tol` is of the path as far as its mesh goes, and so of what impulses do to a free body.
+        """
         problem, system = point.at.problem, point.at.problem.system
         if system.switches is not None:
             found = first_crossing(system.switches, problem, point.path)
@@ -421,8 +428,7 @@ class _TraceRun:
                 return found
         if system.structure.jumpless:
             return None
-        found = find_imbalance(point.at, self.tol)
-        return found if isinstance(found, Jump) else None
+        return find_imbalance(point.at, self.tol, self.tol)[0]
 
     def _action(self, point: BranchPoint) -> float:
         return point.at.action

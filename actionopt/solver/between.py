@@ -148,7 +148,7 @@ def _find_smooth(
             jump = first_crossing(steps, problem, search.ws.here.path) or before
         if jump is None and lost and not problem.system.structure.jumpless:
             tried = filter(None, (search.ws.iterate, _first(problem, curve_of)))
-            found = (find_imbalance(at, search.ws.tol) for at in tried)
+            found = (find_imbalance(at, search.ws.tol)[0] for at in tried)
             jump = next((off for off in found if isinstance(off, Jump)), None)
         if jump is None:
             return status

@@ -19,7 +19,6 @@ from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Factored, Samples, Stack, StackShape
 from actionopt.mechanics.scales import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
 from actionopt.solver.iterate import (
-    DRIFT_SAFETY,
     ORDINARY,
     POLYNOMIAL_ROUNDOFF,
     SAFETY,
@@ -46,11 +45,11 @@ class FollowedStack:
     converged : (C,) array of bool
         Whether the steps contracted down to round-off, and sizes and velocities are known.
     iterations : (C,) array of int
-    moved, noise, omitted, missed, probed, imbalance : (C,) arrays
+    moved, noise, omitted, missed, probed, drift : (C,) arrays
         Distance from the first iterate; amplified round-off; the largest coefficient left out;
         how far it would move if forces were summed over other points; and if round-off were in
-        the matrix. In units of each coordinate's own size. And how far the balance of energy is
-        off, in the unit of `energy_balance`.
+        the matrix; how far it is carried by what its energy varies, nan where L may step. In units
+        of each coordinate's own size.
     action : (C,) array
     momenta : (C, 2, n) array
     """
@@ -63,7 +62,7 @@ class FollowedStack:
     omitted: Array
     missed: Array
     probed: Array
-    imbalance: Array
+    drift: Array
     action: Array
     momenta: Array
 
@@ -72,8 +71,8 @@ class FollowedStack:
         """Return what is known before anything was done."""
         count, n = len(Q), Q.shape[2]
         none, moved = np.zeros(count, dtype=int), np.zeros(count)
-        noise, omitted, missed, probed, imbalance, action = np.full((6, count), np.nan)
-        measures = moved, noise, omitted, missed, probed, imbalance, action
+        noise, omitted, missed, probed, drift, action = np.full((6, count), np.nan)
+        measures = moved, noise, omitted, missed, probed, drift, action
         momenta = np.full((count, 2, n), np.nan)
         return cls(Q.copy(), none > 0, none.copy(), *measures, momenta)
 
@@ -140,7 +139,6 @@ def _round(
         ready = _Arrived(stack, factored, Q, part, second, sizes)
         omitted = ready.largest_omitted()
         missed, probed = ready.displacement(tol, omitted)
-        off, drift = stack.imbalance(Q, ready.samples)
         missed = np.maximum(missed, stack.missed_action(Q, ready.samples))
         values = {
             "converged": converged,
@@ -148,9 +146,9 @@ def _round(
             "action": stack.action(Q),
             "momenta": np.stack([-part[0, :, 0], part[-1, :, -1]]).transpose(2, 0, 1),
             "omitted": omitted,
-            "missed": np.maximum(missed, DRIFT_SAFETY / SAFETY * drift),
+            "missed": missed,
             "probed": probed,
-            "imbalance": off,
+            "drift": stack.drift(Q, ready.samples, second),
         }
         for name, value in values.items():
             getattr(found, name)[here[converged]] = value[converged]

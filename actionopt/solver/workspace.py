@@ -11,10 +11,10 @@ from typing import Generic, TypeVar, cast
 import numpy as np
 
 from actionopt.discrete.boundaries import with_boundaries
-from actionopt.discrete.crossing import Jump, jump_or
+from actionopt.discrete.crossing import Jump, find_imbalance
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
-from actionopt.discrete.energy_balance import Balance, Imbalance, is_plain, rounding
+from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.newton import approach, follow, move_ends
@@ -28,7 +28,6 @@ from actionopt.solver.descent import descend
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.ipopt import IPOPT_SIZE, Principle, find
 from actionopt.solver.iterate import (
-    DRIFT_SAFETY,
     ORDINARY,
     POLYNOMIAL_ROUNDOFF,
     SAFETY,
@@ -463,32 +462,19 @@ class Workspace(Generic[Place]):
 
     def find_imbalance(self) -> Jump | Imbalance | None:
         """Return where the balance of energy does not hold along the path; say so if L jumps."""
-        here, off = self.here, None
+        here = self.here
         with self.record.clock("verify"):
-            plain = is_plain(here, here.error, DRIFT_SAFETY)
-            balance = None if plain else Balance.of(here)
-            if balance is not None:
-                gain = 1.0 if balance.holds else self._growth()
-                off = jump_or(here, balance.beyond(here.error, gain))
-                error = max(here.error, DRIFT_SAFETY * balance.drift())
-                if off is None and error > max(self.tol, here.error):
-                    known = rounding(here.problem, here.path)
-                    error = max(here.error, DRIFT_SAFETY * balance.drift(known, stepped=True))
-                    off = balance.largest() if error > self.tol else None
-                if error > here.error:
-                    self.here = replace(self.here, error=error)
+            off, error = find_imbalance(here, here.error, self.tol, self._impulse_gain)
+            if error > here.error:
+                self.here = replace(self.here, error=error)
         if off is not None or self.unbalance is not None:
             self.hint = str(off or "")
         self.unbalance = off
         return off
 
-    def _growth(self) -> float:
-        """Return how much farther an impulse moves the path than a free body, at least one."""
-        try:
-            self.here = self.here.with_probed(self.many)
-        except np.linalg.LinAlgError:
-            return np.inf
-        return max(1.0, self.here.growth)
+    def _impulse_gain(self) -> float:
+        found, self.here = self.here.impulse_gain(self.many)
+        return found
 
     def transfer(self, mesh: Mesh, *, least: bool, missed: float = 0.0) -> bool:
         """Take the path to another mesh and polish it there; False if it was lost.

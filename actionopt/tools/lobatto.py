@@ -75,23 +75,31 @@ class Sampling:
     def _ends_and_rest(self) -> tuple[Array, Array]:
         """Values at the ends of a panel [-1, 1], and what three quarters of the degrees leave.
 
-        By values at its points, (count, 2) and (count, count).
+        By values at its points, (count, 2) and (count, count / 4).
         """
         count = self.nodes.size // self.panels
         P = legendre(count - 1, self.panels * (self.nodes[:count] + 1) - 1)
         ends = np.linalg.solve(P, legendre(count - 1, np.array([-1.0, 1.0])))
-        low, _ = np.linalg.qr(P[: 3 * count // 4].T)
-        return ends, np.eye(count) - low @ low.T
+        low = 3 * count // 4
+        return ends, np.linalg.qr(P.T)[0][:, low:]
 
-    def ends_and_rest(self, values: Array) -> tuple[Array, Array]:
-        """Return values (E, m + 1) at the ends of each panel, and what is not smooth in it.
+    def rest_and_gaps(self, values: Array, ends: Array) -> tuple[Array, Array]:
+        """Return what is not smooth in values (R, m + 1), and where they step between panels.
 
-        Arrays (E panels, 2) and (E panels, count): of the polynomials through the `count` points
-        of a panel the values at both ends, and what those of three quarters of the degrees leave.
+        Arrays (R, panels count / 4) and (R, panels + 1): what the polynomials through the `count`
+        points of a panel have beyond three quarters of the degrees, in an orthonormal basis; and
+        from the first of the values at the `ends` (R, 2) over each boundary to the other one, what
+        the polynomials on both sides differ by.
         """
-        ends, rest = self._ends_and_rest
-        parts = values.reshape(-1, len(rest))
-        return parts @ ends, parts @ rest
+        edges, rest = self._ends_and_rest
+        rows, count = len(values), len(rest)
+        parts = values.reshape(-1, count)
+        at = (parts @ edges).reshape(rows, -1, 2)
+        gaps = np.empty((rows, self.panels + 1))
+        np.subtract(at[:, 1:, 0], at[:, :-1, 1], out=gaps[:, 1:-1])
+        np.subtract(at[:, 0, 0], ends[:, 0], out=gaps[:, 0])
+        np.subtract(ends[:, 1], at[:, -1, 1], out=gaps[:, -1])
+        return (parts @ rest).reshape(rows, -1), gaps
 
     def increments(self, values: Array) -> Array:
         """Return the integrals of values (E, m + 1) from -1 to the first point, to the next, to 1.
