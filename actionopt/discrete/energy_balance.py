@@ -68,7 +68,7 @@ STEP_SHARE = 0.06  # of a step among 6 to 35 points that 3 of 4 degrees leave at
 UNCERTAIN_SHARE = 1e-2
 # From what a varying energy shows of an error. Measured: 0.9 to 1.2 of it are the error at cusps.
 DRIFT_SAFETY = 2.0
-NOWHERE: NDInt = np.empty(0, dtype=np.intp)
+NO_ELEMENTS: NDInt = np.empty(0, dtype=np.intp)
 UNDECIDED = 16 * EPS  # of the times: on which side of a step a path is, in such an interval; ad hoc
 
 
@@ -466,7 +466,7 @@ def may_step(
     least = np.min(allowed)
     limit = STEP_SHARE * least
     if -limit <= rest.min() and rest.max() <= limit and np.abs(gaps).max() <= least:
-        return NOWHERE
+        return NO_ELEMENTS
     smooth = np.abs(rest).max(axis=1) <= STEP_SHARE * allowed
     smooth &= np.abs(gaps).max(axis=1) <= allowed
     odd = np.flatnonzero(~smooth)
