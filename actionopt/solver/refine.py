@@ -6,6 +6,7 @@ it. What cannot be refined is no path of the continuous problem, or not determin
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +53,13 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
     status = _refine_once(ws, tol, least=least)
     if status is Status.FLOOR:
         ws.find_imbalance()
+    elif status is Status.UNRESOLVED and np.isfinite(ws.here.error):
+        # What the mesh leaves out may be little beside what the sums of its forces miss.
+        missed = np.nan
+        with suppress(np.linalg.LinAlgError):
+            missed = SAFETY * ws.quadrature_shift()
+        error = max(ws.here.error, missed) if missed < np.inf else np.inf
+        ws.here = replace(ws.here, error=error)
     if ws.unbalance is not None:
         ws.here = replace(ws.here, error=np.inf)
         return Status.JUMP if isinstance(ws.unbalance, Jump) else Status.UNRESOLVED
