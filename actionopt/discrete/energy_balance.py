@@ -426,13 +426,13 @@ def _drift_of(
 ) -> float:
     """Return the `drift` along a path by integrals of the energy over its elements, (N,)."""
     lengths = tr.mesh.lengths
-    if carried(energy, lengths, np.ones(1), rounding, gained) == 0:
+    if displacement(energy, lengths, np.ones(1), rounding, gained) == 0:
         return 0.0
     mass, size = second_quadrature.inertia(tr, x), np.abs(tr.place(x).at).max(axis=0)
     v, n = second_quadrature.values(tr, x, tr.between_nodes)[1], tr.problem.system.n
     squares = np.stack([_element_integrals(tr, v[:, i] ** 2) for i in range(n)], axis=1)
     reach = (np.abs(mass) @ np.sqrt(squares / lengths[:, None])[:, :, None])[:, :, 0] @ size
-    return float(carried(energy, lengths, reach, rounding, gained))
+    return float(displacement(energy, lengths, reach, rounding, gained))
 
 
 def _element_integrals(tr: Transcription, values: Array, *, left: bool = False) -> Array:
@@ -491,7 +491,7 @@ def steps_between(v: Array, p: Array, L: Array) -> Array:
     return L[..., 1:, 0] - L[..., :-1, 1] - known / 2
 
 
-def carried(
+def displacement(
     energy: Array, lengths: Array, reach: Array, rounding: Array | float, gained: Array | None
 ) -> Array:
     """Return max_t |int_0^t (E - E0) / R dt|, (...), by integrals of E over parts (K, ...).

@@ -22,7 +22,7 @@ from actionopt.discrete.energy_balance import (
     AMPLIFIED,
     FEW_ELEMENTS,
     ROUNDOFF,
-    carried,
+    displacement,
     may_step,
     steps_between,
 )
@@ -391,7 +391,7 @@ class Stack:
                 energy[which] += over(weights * later, explicit, half) * half[:, None]
         lengths = np.repeat(2 * self.half / parts, parts, axis=0)
         energy, gained, reach = (x.reshape(lengths.shape) for x in (energy, gained, reach))
-        found = carried(energy, lengths, reach, ROUNDOFF * read, gained)
+        found = displacement(energy, lengths, reach, ROUNDOFF * read, gained)
         return np.where(plain & (len(lengths) >= FEW_ELEMENTS), found, np.nan)
 
     def _inertia(self, nonzeros: Array) -> Array:
