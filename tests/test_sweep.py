@@ -585,21 +585,30 @@ def test_ctrl_c_keeps_the_tasks_that_have_begun_or_leaves_them(times, tmp_path):
         assert kept == "5" and waited < 2.0
 
 
-@pytest.mark.parametrize("name", ["_solve_together", "_solve"])
-def test_what_the_handler_of_a_signal_raises_is_no_failure_of_a_member(name, monkeypatch):
+@pytest.mark.parametrize("place", ["seed", "together", "alone", "retry"])
+def test_what_the_handler_of_a_signal_raises_is_no_failure_of_a_member(place, monkeypatch):
     def late(number, frame):
         raise TimeoutError("late")
 
-    def ring(*given):
+    def ring(*given, **named):
         signal.raise_signal(signal.SIGTERM)
 
-    alone = name == "_solve"  # since it fails together
-    monkeypatch.setattr(batch._Members, "_solve_together", (lambda *_: 1 / 0) if alone else ring)
-    monkeypatch.setattr(batch, "member", ring if alone else batch.member)
+    runs = ao.sweep(PENDULUM, {"t1": np.linspace(0.5, 1.0, 8)}) if place == "retry" else None
+    if place == "seed":
+        monkeypatch.setattr(module, "solve", ring)
+    else:
+        alone = place == "alone"  # since it fails together
+        together = (lambda *_: 1 / 0) if alone else ring
+        monkeypatch.setattr(batch._Members, "_solve_together", together)
+        monkeypatch.setattr(batch, "member", ring if alone else batch.member)
     before = signal.signal(signal.SIGTERM, late)
     try:
         with pytest.raises(TimeoutError, match="late"):
-            ao.sweep(PENDULUM, {"t1": np.linspace(0.5, 1.0, 8)})
+            if runs is None:
+                ao.sweep(PENDULUM, {"t1": np.linspace(0.5, 1.0, 8)})
+            else:
+                runs.status[3:5] = "NOT_FOUND"
+                runs.retry()
     finally:
         signal.signal(signal.SIGTERM, before)
 

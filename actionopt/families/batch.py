@@ -52,7 +52,7 @@ from actionopt.solver.solve import Guess, refuse_rest, solve, solve_near
 from actionopt.solver.stacked_newton import FollowedStack, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
-from actionopt.tools.interrupts import is_from_handler
+from actionopt.tools.interrupts import ordinary_errors
 from actionopt.tools.types import Array, NDInt
 
 PREDICTED = 256  # at a time; ad hoc, a size of memory
@@ -245,9 +245,7 @@ class _Members:
             if chosen.size:
                 try:
                     self._solve_together(block[chosen], front.nearest[chosen])
-                except Exception as error:  # for one of them: each is solved alone
-                    if is_from_handler(error):
-                        raise
+                except ordinary_errors():  # for one of them: each is solved alone
                     self.doubtful[block[chosen]] = True
                 new = block[chosen][self.known[block[chosen]]]
                 front.note_solved(chosen.size, new.size)
@@ -299,9 +297,7 @@ class _Members:
             if self.counting and found.success:
                 with suppress(ValueError):  # there is none
                     self.index[i] = found.morse_index
-        except Exception as error:
-            if is_from_handler(error):
-                raise
+        except ordinary_errors() as error:
             text, refused = refusal(error)
             (self.messages if refused else self.errors)[i] = text
             return None

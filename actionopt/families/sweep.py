@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -32,6 +31,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import refuse_rest, solve
 from actionopt.tools.checks import among, flag, tolerance
+from actionopt.tools.interrupts import ordinary_errors
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import NDInt
 from actionopt.tools.watch import Progress, check_progress, time_limit
@@ -246,7 +246,7 @@ class _SweepRun:
         places = np.linspace(0, grid.size - 1, PILOTS).astype(int)
         first, *others = dict.fromkeys(grid.order[places].tolist())
         for i in (first, None, *others):
-            with suppress(Exception):  # another may do
+            try:
                 problem = grid.problem if i is None else grid.member(i)
                 found = refuse_rest(solve(problem, tol=tol, throw=False))
                 unknowns = found.stats["unknowns"]
@@ -258,6 +258,8 @@ class _SweepRun:
                 if i is not None and path is not None:
                     self.seeds[i] = path
                     break
+            except ordinary_errors():  # another may do
+                continue
         return unknowns
 
     def _sow(self, task: int) -> None:

@@ -19,7 +19,7 @@ from actionopt.families.vary import Name, slope_along, with_values
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, refuse_rest, solve
-from actionopt.tools.interrupts import is_from_handler, leave_interruptions
+from actionopt.tools.interrupts import leave_interruptions, ordinary_errors
 from actionopt.tools.memory import keep_memory
 from actionopt.tools.types import Array, NDInt
 
@@ -194,9 +194,7 @@ def one_by_one(
             if index and found.success:
                 with suppress(ValueError):  # there is none
                     number = found.morse_index
-        except Exception as error:
-            if is_from_handler(error):
-                raise
+        except ordinary_errors() as error:
             text, refused = refusal(error)
             messages[int(members[j])] = text
             answers["status"][j] = REFUSED if refused else ERROR

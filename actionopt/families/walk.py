@@ -16,7 +16,7 @@ from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, lead_to, with_values
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import refuse_rest, solve_near
-from actionopt.tools.interrupts import is_from_handler
+from actionopt.tools.interrupts import ordinary_errors
 
 # Ad hoc, all three: the numbers of steps, the accuracy on the way, and what is the same at the end.
 WALK_STEPS, WALK_TOL, SAME_END = (4, 8, 16, 32), 1e-4, 1e-3
@@ -55,9 +55,7 @@ def _steps(
             there = with_values(problem, values)
             accuracy = tol if k == count else max(tol, WALK_TOL)
             found = refuse_rest(solve_near(there, lead_to(near, there), accuracy))
-        except Exception as error:  # no problem, no sensible end, or the solver failed
-            if is_from_handler(error):
-                raise
+        except ordinary_errors():  # no problem, no sensible end, or the solver failed
             return None
         if not found.success:
             return None

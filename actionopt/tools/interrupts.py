@@ -86,7 +86,17 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
             del first  # or it would refer to itself
 
 
-def is_from_handler(error: BaseException) -> bool:
+def ordinary_errors() -> type[Exception] | tuple[()]:
+    """Return what an except clause is to catch: nothing if the handler of a signal raised it.
+
+    For one that takes whatever its body raises for a failure of what that tried: `except
+    ordinary_errors():`, which is evaluated when there is an error.
+    """
+    error = sys.exc_info()[1]
+    return () if error is not None and _is_from_handler(error) else Exception
+
+
+def _is_from_handler(error: BaseException) -> bool:
     """Return whether the handler of a signal, as `signal` knows it now, raised an error."""
     functions = (getattr(_get(number), "__func__", _get(number)) for number in _SIGNALS)
     codes = {code for f in functions if (code := getattr(f, "__code__", None)) is not None}
