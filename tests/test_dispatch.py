@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from actionopt.families.dispatch import dispatch
+from actionopt.families.dispatch import _wait, dispatch
 from actionopt.tools.watch import TimeUp, check_time, time_limit
 
 
@@ -73,6 +73,19 @@ def test_what_has_begun_is_waited_for_unless_it_is_interrupted_again(times, caps
     else:
         assert done == ["no", "no"]
         assert pool.said == [{"wait": False, "cancel_futures": True}, "terminated"]
+
+
+def test_it_is_said_that_threads_which_are_left_are_waited_for(capsys):
+    class Running(Future):
+        def running(self):
+            return True
+
+        def exception(self, timeout=None):
+            raise KeyboardInterrupt
+
+    with ThreadPoolExecutor(1) as pool:
+        _wait({0: Running()}, pool, lambda *_: None)
+    assert "left 1 of them, which no thread can be made to end" in capsys.readouterr().err
 
 
 def test_an_error_of_a_task_ends_the_others():

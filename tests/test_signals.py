@@ -1,16 +1,19 @@
 """What ends a search from within is a verdict: prices paid, time used up, singular matrices."""
 
+from time import sleep
+
 import numpy as np
 import pytest
 import systems
 
 import actionopt as ao
+from actionopt.analysis import index
 from actionopt.discrete.factors import Factors
 from actionopt.solver import strategies
 from actionopt.solver.search import EXPENSIVE, Strategy
 from actionopt.solver.solve import BY_METHOD, solve_near
 from actionopt.solver.workspace import PATIENT
-from actionopt.tools.watch import OutOfTime, Spent, Watch
+from actionopt.tools.watch import OutOfTime, Spent, Watch, check_time
 
 PENDULUM = systems.pendulum(g=9.81)
 KEPLER = systems.kepler()
@@ -105,6 +108,19 @@ def test_a_verdict_on_families_is_not_left_half_done(monkeypatch):
     monkeypatch.setitem(BY_METHOD, "auto", (NearAndSpent("near", (4,)),))
     found = ao.solve(QUESTIONS["events"], throw=False)
     assert found.status is ao.Status.NOT_FOUND
+
+
+def test_a_verdict_on_families_ends_with_the_time(monkeypatch):
+    def endless(*given):
+        for _ in range(1000):  # five seconds
+            sleep(0.005)
+            check_time()
+
+    monkeypatch.setattr(index, "condense", endless)
+    isotropic = ao.System(lambda q, v, t: (v @ v - q @ q) / 2 - 1e-30 * (q @ q) ** 2, ["x", "y"])
+    problem = ao.Problem(isotropic, ao.Event(0, [1.0, 0.5]), ao.Event(np.pi, [-1.0, -0.5]))
+    found = ao.solve(problem, seconds=0.8, throw=False)
+    assert found.status is ao.Status.OUT_OF_TIME and found.error == np.inf
 
 
 def counting(monkeypatch, number, at):

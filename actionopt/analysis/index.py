@@ -14,7 +14,7 @@ rate, and int eta.L_vv eta dt / T^2 is added to the form beside mu.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -137,13 +137,13 @@ def _count(at: DiscretePath, error: float, moves: int) -> Inertia:
     if at.tr.order > 1:
         return _on_its_mesh(at, at.tr, at.z, tolerance)
     form = resolve(at, error, INDEX_RESOLUTION)
-    found = _all_moves(form, max(tolerance, NEAR_ZERO), moves)
+    found = _all_moves(form, max(tolerance, NEAR_ZERO), moves, _signs_of)
     if found.nullity <= moves:
         return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE))
     better = _better_form(at, error, found.nullity - moves)
     if better is not None:
         form, tolerance = better, INDEX_TOLERANCE
-    return _all_moves(form, tolerance, moves)
+    return _all_moves(form, tolerance, moves, inertia_of)
 
 
 def _better_form(at: DiscretePath, error: float, nullity: int) -> Form | None:
@@ -155,11 +155,13 @@ def _better_form(at: DiscretePath, error: float, nullity: int) -> Form | None:
     return None
 
 
-def _all_moves(form: Form, tolerance: float, moves: int) -> Inertia:
+def _all_moves(
+    form: Form, tolerance: float, moves: int, of: Callable[[Form, float, int], Inertia]
+) -> Inertia:
     """Return the inertia to a tolerance at which all moves are zero: short elements round them."""
-    found = inertia_of(form, tolerance, moves)
+    found = of(form, tolerance, moves)
     while found.nullity < moves and found.tolerance < LOOSEST:
-        found = inertia_of(form, 10 * found.tolerance, moves)
+        found = of(form, 10 * found.tolerance, moves)
     return found
 
 
@@ -305,21 +307,27 @@ def tolerance_of(error: float) -> float:
 
 def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE, moves: int = 0) -> Inertia:
     """Return the index and the nullity of a discrete second variation, `moves` of it known."""
-    if not form.freedom:
-        return Inertia(0, 0, None, tolerance)
-    check_legendre(form)
-
-    def below(mu: float) -> int:
-        return condense(form, form.shifted(kinetic=mu)).negative
-
-    index = below(-tolerance)
-    nullity = below(tolerance) - index
-    if not nullity:
-        return Inertia(index, 0, None, tolerance)
-    if nullity == moves:
-        return Inertia(index, nullity, 0.0, tolerance)
+    found = _signs_of(form, tolerance, moves)
+    if found.nullity in (0, moves):
+        return found
     low, high = 1e-17, tolerance  # the smallest |mu|, to a tenth of itself
     while high > 1.1 * low and high > 1e-16:
         middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if below(middle) > below(-middle) else (middle, high)
-    return Inertia(index, nullity, high, tolerance)
+        zeros = _below(form, middle) > _below(form, -middle)
+        low, high = (low, middle) if zeros else (middle, high)
+    return replace(found, smallest=high)
+
+
+def _signs_of(form: Form, tolerance: float, moves: int) -> Inertia:
+    """Return the same, where more than the moves vanishes without the smallest eigenvalue."""
+    if not form.freedom:
+        return Inertia(0, 0, None, tolerance)
+    check_legendre(form)
+    index = _below(form, -tolerance)
+    nullity = _below(form, tolerance) - index
+    return Inertia(index, nullity, 0.0 if 0 < nullity == moves else None, tolerance)
+
+
+def _below(form: Form, mu: float) -> int:
+    """Return the number of eigenvalues below mu."""
+    return condense(form, form.shifted(kinetic=mu)).negative

@@ -392,6 +392,7 @@ def condense(form: Form, elements: list[Array] | None = None) -> SchurComplement
     first = r if form.closed else keep
     front, negative = np.zeros((r, r)), 0
     for e, E in enumerate(elements):
+        check_time()
         old = front.shape[0]
         size = old + E.shape[0] - r
         grown = np.zeros((size, size))

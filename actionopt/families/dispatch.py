@@ -169,6 +169,7 @@ def _wait(begun: dict[int, Future], executor: Executor, done: Callable[[int, Any
             if future.exception() is None:
                 done(task, future.result())
     except KeyboardInterrupt:
+        running = sum(future.running() for future in begun.values())
         processes = dict(getattr(executor, "_processes", None) or {})
         if processes:
             # The executor's thread fails on cancelled tasks when its processes end (until Python
@@ -178,5 +179,12 @@ def _wait(begun: dict[int, Future], executor: Executor, done: Callable[[int, Any
                 executor.submit(int).add_done_callback(lambda _: dropped.set())
                 executor.shutdown(wait=False, cancel_futures=True)
                 dropped.wait(1.0)
+        elif running:
+            print(
+                f"interrupted: left {running} of them, which no thread can be made to end: the "
+                "executor waits for it when it is shut down",
+                file=sys.stderr,
+                flush=True,
+            )
         for process in processes.values():
             process.terminate()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ from actionopt.discrete.factors import Factors
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, ROUNDED, Iterate, is_at_rest
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import Array
+from actionopt.tools.watch import TimeUp, check_time, time_limit
 
 if TYPE_CHECKING:
     from actionopt.analysis.index import Inertia
@@ -25,6 +27,7 @@ NEAR_SINGULAR = 1e4
 # whose eigenvalues are as large in it as that distance. Measured: of 55 scenes 3 are above, two
 # thousandths at most; families 0.15 and more, of closed paths 0.05 (3e-3 the least of all).
 OUTDATED = 3e-4
+LEAST_COUNT = 0.1  # seconds for counting, if the time given is over before; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -61,10 +64,16 @@ def judge_family(ws: Workspace, solution: Solution) -> Solution:
         last.tr.watch = None  # a verdict is not left half done, whatever the search has cost
         kept = {"path": last.path, "lam": last.rows.T, "action": last.action, "known": last}
         near = replace(solution, problem=problem, error=np.inf, **kept)
+    end = None if ws.watch is None else ws.watch.end
     try:
-        found = near.inertia
+        with time_limit(None if end is None else max(end - perf_counter(), LEAST_COUNT)):
+            found = near.inertia
     except (ValueError, np.linalg.LinAlgError):
         found = None
+    except TimeUp:
+        check_time()  # of the search that this one is a part of
+        ws.here = replace(here, error=np.inf)
+        return replace(solution, status=Status.OUT_OF_TIME, error=np.inf)
     if found is None or found.nullity <= found.moves or found.tolerance > INDEX_TOLERANCE:
         ws.here = here
         return solution
