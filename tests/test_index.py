@@ -575,3 +575,25 @@ def test_signs_that_are_round_off_are_no_index():
     for index, nullity in ((-1, 0), (0, -2)):
         with pytest.raises(ValueError, match="round-off"):
             Inertia(index, nullity, None, 1e-8)
+
+
+def bent(tol):
+    """A beam at the load at which it buckles; what it rests on, of b q^4, holds it."""
+    L = lambda q, v, a, t: a[0] ** 2 / 2 - 2 * (np.pi * v[0]) ** 2 + 4e-3 * q[0] ** 4 + 3e-4 * q[0]  # noqa: E731
+    ends = (ao.Event(t, [0.0], v=[0.0]) for t in (0.0, 1.0))
+    return ao.solve(ao.Problem(ao.System(L, ["w"]), *ends), tol=tol)
+
+
+def past_the_antipode(tol):
+    """Through the antipode of an oscillator that is nearly isochronous."""
+    system = ao.System(lambda q, v, t: (v @ v - q @ q) / 2 - 2e-4 * (q @ q) ** 2, ["x", "y"])
+    ends = ao.Event(0, [0.7, -0.4]), ao.Event(np.pi + 1, [0.2, 0.9])
+    antipode = ao.Event(np.pi, [-0.7, 0.4])
+    return ao.solve(ao.Problem(system, *ends, through=[antipode]), tol=tol)
+
+
+@pytest.mark.parametrize("question", [bent, past_the_antipode])
+def test_degenerate_is_said_of_no_loose_tolerance(question):
+    loose, fine = question(1e-3), question(1e-9)
+    assert loose.kind == fine.kind != "degenerate"
+    assert loose.morse_index == fine.morse_index

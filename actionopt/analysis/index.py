@@ -21,7 +21,7 @@ from typing import Literal
 
 import numpy as np
 
-from actionopt.analysis.jacobi import improve, resolve
+from actionopt.analysis.jacobi import improve, improve_path, resolve
 from actionopt.analysis.regular import regular_index
 from actionopt.analysis.second_variation import (
     Form,
@@ -135,7 +135,7 @@ def _count(at: DiscretePath, error: float, moves: int) -> Inertia:
     """
     tolerance = tolerance_of(error)
     if at.tr.order > 1:
-        return _on_its_mesh(at, at.tr, at.z, tolerance)
+        return _improved(at, error, lambda at, mu: _on_its_mesh(at, at.tr, at.z, mu))
     form = resolve(at, error, INDEX_RESOLUTION)
     found = _all_moves(form, max(tolerance, NEAR_ZERO), moves, _signs_of)
     if found.nullity <= moves:
@@ -176,7 +176,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     """
     tolerance = tolerance_of(error)
     if at.problem.touches or at.problem.original.integral is not None or at.tr.order > 1:
-        return _beside(at, tolerance, None)
+        return _improved(at, error, lambda at, mu: _beside(at, mu, None))
     form = resolve(at, error, INDEX_RESOLUTION)
     found = inertia_beside(form, max(tolerance, NEAR_ZERO))
     if found.nullity <= found.moves:
@@ -215,8 +215,28 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     Wright, *Numerical Optimization* (2nd ed. 2006), theorem 16.3), on the mesh of the path. Raises
     ValueError as `inertia` does.
     """
+    return _improved(at, error, _through)
+
+
+def _through(at: DiscretePath, tolerance: float) -> Inertia:
     equations, z = equations_of(at.problem.original, at)
-    return _on_its_mesh(at, equations, z, tolerance_of(error))
+    return _on_its_mesh(at, equations, z, tolerance)
+
+
+def _improved(
+    at: DiscretePath, error: float, count: Callable[[DiscretePath, float], Inertia]
+) -> Inertia:
+    """Return the inertia counted on the mesh of a path, on a better one where it leaves signs open.
+
+    As `_count` does where Jacobi fields are resolved, so that no verdict hangs on the tolerance.
+    """
+    found = count(at, tolerance_of(error))
+    if found.nullity <= found.moves or error <= POLISHED or at.problem.touches:
+        return found
+    better = None
+    with suppress(ValueError):  # a spurious path may be resolved on no mesh
+        better = improve_path(at, POLISHED, found.nullity - found.moves)
+    return found if better is None else count(better, INDEX_TOLERANCE)
 
 
 def _on_its_mesh(

@@ -12,6 +12,8 @@ fields are replaced by an orthonormal frame that spans the same Lagrangian plane
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from actionopt.analysis.second_variation import (
@@ -107,7 +109,21 @@ def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
     not among them. None where it finds no stationary path near. Raises ValueError as `resolved`
     does.
     """
-    at, asked = first, first.problem.original
+    found = _improve(first, tol, nullity, form)
+    return found if isinstance(found, Form) else None
+
+
+def improve_path(first: DiscretePath, tol: float, nullity: int) -> DiscretePath | None:
+    """Return the path of `improve` on a mesh that resolves it, whatever its neighbours need."""
+    found = _improve(first, tol, nullity, None)
+    return found if isinstance(found, DiscretePath) else None
+
+
+def _improve(
+    at: DiscretePath, tol: float, nullity: int, of: Callable[[DiscretePath], Form] | None
+) -> Form | DiscretePath | None:
+    """Return what `of` makes of the path that is improved, or the path."""
+    asked = at.problem.original
     for _ in range(FIELD_ROUNDS):
         equations, z = equations_of(asked, at, moves_of(asked))
         near = _stationary(equations, z, nullity)
@@ -115,12 +131,15 @@ def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
             return None
         z, force = near
         tr = equations.at(z)
-        found = form(DiscretePath(tr, z[: tr.layout.size]))
-        check_independent(found.at, found.units, tol)
-        mesh = finer(tr.mesh, tol, form=found, Q=found.at.Q / tr.lengths)
+        at = DiscretePath(tr, z[: tr.layout.size])
+        found = None if of is None else of(at)
+        if found is not None:
+            at = found.at
+            check_independent(at, found.units, tol)
+        mesh = finer(tr.mesh, tol, form=found, Q=at.Q / tr.lengths)
         if mesh is None:
-            return found if force < FREE_FORCE else None
-        at = found.at.on(mesh, found.at.multipliers(mesh.nodes))
+            return (found or at) if force < FREE_FORCE else None
+        at = at.on(mesh, at.multipliers(mesh.nodes) if found is not None else None)
     return None
 
 
