@@ -586,7 +586,7 @@ def bent(tol):
 
 def past_the_antipode(tol):
     """Through the antipode of an oscillator that is nearly isochronous."""
-    system = ao.System(lambda q, v, t: (v @ v - q @ q) / 2 - 2e-4 * (q @ q) ** 2, ["x", "y"])
+    system = ao.System(lambda q, v, t: (v @ v - q @ q) / 2 - 3e-4 * (q @ q) ** 2, ["x", "y"])
     ends = ao.Event(0, [0.7, -0.4]), ao.Event(np.pi + 1, [0.2, 0.9])
     antipode = ao.Event(np.pi, [-0.7, 0.4])
     return ao.solve(ao.Problem(system, *ends, through=[antipode]), tol=tol)
