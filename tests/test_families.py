@@ -290,6 +290,16 @@ def test_a_guess_near_the_centre_of_turns_leads_to_it():
     assert (found.inertia.index, found.inertia.nullity) == (3, 0)
 
 
+def test_a_rest_in_resonance_is_one_of_a_family():
+    """Elements begin at conjugate times: four of them in two periods."""
+    found = rests(
+        3, lambda q: (2 * np.pi * q[0]) ** 2 / 2 - 0.6 * q[1] ** 2 + 0.2 * q[2] ** 2, T=2.0
+    )
+    assert found.status is ao.Status.DEGENERATE
+    # Constants along x0 and x2 lower S, and so do cosine and sine of pi t along x0; of 2 pi t do not.
+    assert (found.inertia.index, found.inertia.nullity) == (4, 2)
+
+
 @pytest.mark.parametrize("n", [1, 2])
 def test_a_loop_that_shrinks_to_a_rest_is_no_answer(n):
     loop = lambda t: [np.cos(np.pi * t / 1.1 + k) for k in range(n)]  # noqa: E731
