@@ -296,7 +296,7 @@ def test_a_rest_in_resonance_is_one_of_a_family():
         3, lambda q: (2 * np.pi * q[0]) ** 2 / 2 - 0.6 * q[1] ** 2 + 0.2 * q[2] ** 2, T=2.0
     )
     assert found.status is ao.Status.DEGENERATE
-    # Constants along x0 and x2 lower S, and so do cosine and sine of pi t along x0; of 2 pi t do not.
+    # Constants along x0 and x2 lower S, cosine and sine of pi t along x0; those of 2 pi t do not.
     assert (found.inertia.index, found.inertia.nullity) == (4, 2)
 
 
