@@ -72,3 +72,17 @@ def test_a_state_beside_another():
     problem = ao.Problem(system, ao.Event(-8, [0]), ao.Event(8, [0]), integral=[1.0, 0.0])
     excited = ao.solve(problem)
     assert abs(excited.action - 1.5) < 1e-11 and excited.morse_index == 0
+
+
+def test_a_trace_of_a_state():
+    """E = w / 2: along it the second variation is singular but for the integral."""
+    system = ao.System(
+        lambda q, v, t, *, w: (v[0] ** 2 + w**2 * t**2 * q[0] ** 2) / 2,
+        ["u"],
+        parameters={"w": 1.0},
+        integral=lambda q, v, t: q[0] ** 2,
+    )
+    ground = ao.Problem(system, ao.Event(-8, [0]), ao.Event(8, [0]), integral=1.0)
+    branch = ao.trace(ground, "w", 2.0)
+    assert branch.actions == pytest.approx(branch.values / 2, rel=1e-9)
+    assert set(branch.indices) == {0}

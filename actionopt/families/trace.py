@@ -29,7 +29,6 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, present, with_values
@@ -294,7 +293,7 @@ class _TraceRun:
                 at = {"value": there.s, "action": self._action(there), "index": index}
                 progress("trace", len(self.points), steps, at)
             if beyond is not None:
-                if self._misses(there.at.tr, there.at.z):
+                if self._misses(there):
                     self._refine()
                 self.stopped = f"it reached {self._names()[beyond]}"
                 return
@@ -445,7 +444,7 @@ class _TraceRun:
         tr, Q = point.at.tr, point.at.Q
         sizes = np.max(np.abs(Q), axis=0)
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
-        if mesh is None and self._misses(tr, point.at.z):
+        if mesh is None and self._misses(point):
             mesh = split(tr, point.at.z)
         if mesh is None and not np.any(sizes > GROWN_UNITS * tr.lengths):
             return False
@@ -459,13 +458,15 @@ class _TraceRun:
         self._set(point.at.problem, point.path.on(mesh), rows, lengths, point.s, sign)
         return mesh is not tr.mesh
 
-    def _misses(self, tr: Transcription, z: Array) -> bool:
+    def _misses(self, point: BranchPoint) -> bool:
         """Whether what depends on the time, summed at other points, moves the path or changes S."""
-        structure = tr.problem.system.structure
+        structure, at = point.at.problem.system.structure, point.at
         if not (structure.samples and structure.depends_on_time):
             return False
-        if tr.missed_action(z) > self.tol:
+        if at.tr.missed_action(at.z) > self.tol:
             return True
+        # The matrix of a path alone is singular along a state that an integral fixes.
+        tr, z = (point.tr, point.z) if isinstance(point.tr, Bordered) else (at.tr, at.z)
         step = Factors(tr.layout, tr.kkt(z)).solve(tr.quadrature_defect(z)[0])
         return tr.relative_step(step) > self.tol
 
