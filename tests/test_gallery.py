@@ -650,6 +650,20 @@ def test_an_exercise_takes_a_number_before_it_answers(gallery, chromium):
         assert "\u207b" not in chromium.run(f"{form}.dataset.words") or mark == "wrong"
 
 
+def test_the_lesson_on_light_shows_both_rays_and_a_way_that_has_no_length(gallery, chromium):
+    chromium.open(gallery / "course" / "light.html", still=True)
+    live = "document.querySelector('.live')"
+    chromium.run(f"{live}.querySelector('input[type=checkbox]').click()")
+    chromium.run(f"{live}.querySelector('[data-do=solve]').click()")
+    chips = chromium.run(f"[...{live}.querySelectorAll('.met button')].map(b => b.textContent)")
+    assert [text.rpartition(", ")[2] for text in chips] == ["index 1", "minimum"]
+    chromium.run(f"{live}.querySelector('[data-handle=\"4\"]').scrollIntoView({{block: 'center'}})")
+    x, y = middle(chromium, "light", 3)
+    chromium.drag(x, y, x, y + 120)  # below the road, where n^2 is negative
+    assert "\u2014" in chromium.run(f"{live}.querySelector('.action').textContent")
+    assert chromium.errors == []
+
+
 def test_arrows_at_handles_are_slopes_of_the_action(gallery, chromium):
     chromium.open(gallery / "course" / "local.html", still=True)
     seen = "(d => [d.slopes, d.action])(document.querySelector('.live').dataset)"

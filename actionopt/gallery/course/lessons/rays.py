@@ -17,9 +17,10 @@ LIGHT = Lesson(
         "Which way does it bend?",
     ),
     attempt=(
-        "Bend the ray over the hot road, and look at its optical length. Press Solve from the "
-        "straight line, then pull the middle far down and press Solve again: there are two rays. "
-        "Along which of them do you see the sky?",
+        "Bend the ray over the hot road, and look at its optical length. Press Start over and tick "
+        "Show the motion: this ray dips towards the road. Press Solve from the straight line: "
+        "there is another. Go from one to the other by the two buttons that appear. Along which "
+        "of them do you see the sky?",
     ),
     explain=(
         "Fermat: between two points light takes a way whose time is stationary. With the place "
@@ -36,7 +37,7 @@ LIGHT = Lesson(
         "ray in a hollow mirror can be the slowest of those with one reflection. Among all ways it "
         "is a saddle: a detour makes it slower still.",
     ),
-    watch="Let them solve from both guesses, and ask which of the two rays is the shorter in time.",
+    watch="Let them go from one ray to the other, and ask which of the two is the shorter in time.",
     wrong="Straight on; or to the point straight below the swimmer, so as to swim least.",
     trap="Fermat's principle too says stationary: light does not look for the fastest way.",
     explorer="mirage",

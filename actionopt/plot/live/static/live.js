@@ -331,11 +331,11 @@
         const line = (a, s, g, reach) => `M${alphaPanel.X(a - reach)},${alphaPanel.Y(s - g * reach)}L${alphaPanel.X(a + reach)},${alphaPanel.Y(s + g * reach)}`;
         const [low, high] = [along(0), along(at)];
         tangent.setAttribute("d", line(0, low, slopes[1], 1.2));
-        now.setAttribute("d", at ? line(1, high, slopes[0], 0.35) : "");
+        now.setAttribute("d", at && Number.isFinite(high) ? line(1, high, slopes[0], 0.35) : ""); // a path may have no length
         const lowest = curve.reduce((a, b) => (b[1] < a[1] ? b : a)), highest = curve.reduce((a, b) => (b[1] > a[1] ? b : a));
         const inside = ([a]) => Math.abs(a) < REACH * 0.99;
         describe(alphaPanel, inside(lowest) ? filled(W.lowest, { a: fixed(lowest[0], 1) }) : inside(highest) ? filled(W.highest, { a: fixed(highest[0], 1) }) : filled(W.runs, { a: written(curve[0][1], 3), b: written(curve[curve.length - 1][1], 3) }));
-        put(dot, { cx: alphaPanel.X(at), cy: Math.max(-20, Math.min(alphaPanel.bottom + 60, alphaPanel.Y(high))), r: 6 });
+        put(dot, { cx: alphaPanel.X(at), cy: Number.isFinite(high) ? Math.max(-20, Math.min(alphaPanel.bottom + 60, alphaPanel.Y(high))) : -20, r: 6 });
         put(foot, { cx: alphaPanel.X(0), cy: alphaPanel.Y(low), r: 4 });
         // the Lagrangian, whose area is S
         const L = A.along(mineSeen), exact = A.along(exactSeen);
