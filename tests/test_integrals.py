@@ -11,6 +11,7 @@ from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipk, mathieu_a, mathieu_b
 
 import actionopt as ao
+from actionopt.mechanics.consistency import check_integrals
 from actionopt.solver.waves import first_waves
 
 STRAIGHT = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], integral=lambda q, v, t: q[0])
@@ -179,6 +180,14 @@ def test_values_that_no_path_has_are_refused():
     ends = ao.Event(0, [0, 0]), ao.Event(1, [3, 4])
     with pytest.raises(ValueError, match=r"found -2 and no such path: the largest is -5.0990"):
         ao.solve(ao.Problem(area, *ends, integral=-2))
+
+
+def test_a_value_below_that_of_a_line_is_not_refused_where_the_integrand_bends_back_near_zero():
+    """Of (v^2 - c)^2 at rest c^2, and c^2 - c A^2 + 3 A^4 / 8 of v = A cos(pi t)."""
+    wells = ao.System(
+        lambda q, v, t: v[0] ** 2, ["x"], integral=lambda q, v, t: (v @ v - 1e-3) ** 2
+    )
+    check_integrals(ao.Problem(wells, ao.Event(0, [0]), ao.Event(1, [0]), integral=8e-7))
 
 
 @pytest.mark.parametrize(
