@@ -70,6 +70,8 @@ SMALL_OBSTACLE = (
 )
 # Parts of what integrals differ by from those of straight lines, and first paths and steps there.
 EASED, MOST_EASED, LED = (0.8, 0.5, 0.2), 2, 80
+# To which they are resolved (with a thousandth the next ones were lost), and steps given up at.
+LED_TOL, SHORTEST_LED = 1e-5, 1e-3
 OTHER_VALUES = "no path outside of the obstacle was found whose integrals have the values given"
 HOPELESS = (NO_ROOM, KINKED, ORDER, DEPENDENT)  # what finer meshes do not mend
 
@@ -339,7 +341,7 @@ def _lead(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, bool] | Non
     step = 1.0 - share
     for _ in range(LED):
         further = min(share + step, 1.0)
-        last, status = tol if further == 1.0 else FIRST_TOL, Status.NOT_FOUND
+        last, status = tol if further == 1.0 else LED_TOL, Status.NOT_FOUND
         known = slack(further).found_at(times, kappa=near.here.problem.kappa)
         there = Along(Held(known), tol=ws.tol, watch=ws.watch, checked=True)
         there.problem = Held(known, near.contact_problem.arcs)
@@ -354,6 +356,8 @@ def _lead(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, bool] | Non
                     status = _judge(there, tol, status)
         if not status.success:
             step /= 2
+            if step < SHORTEST_LED:
+                return None
             continue
         if further == 1.0:
             return there, status, True
