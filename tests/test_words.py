@@ -96,6 +96,7 @@ def said():
     return {text for text in found if re.search("[A-Za-z]{2}", text)} - {"along", "askew", "time"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", OTHERS)
 def test_tables_are_complete(name):
     missing = {text for text in said() if text not in table(name)}
