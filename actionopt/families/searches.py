@@ -195,6 +195,7 @@ class Answers:
             yield Start(self.classes[0], guess, how)
 
     def _on_surfaces(self, starts: int) -> Iterator[Start]:
+        yield Start(self.classes[0], None, "as `solve` does")
         pairs = points(self.problem, starts, self.seed)
         for i, guess in enumerate(paths_to_points(self.problem, self.tol, None, pairs)):
             self.tell("points on surfaces", i, len(pairs), "points on surfaces")
