@@ -406,9 +406,17 @@ class Condensed:
 
     def negative(self) -> int:
         """Return the number of negative eigenvalues: the sum over the pivots (Haynsworth)."""
+        return sum(int(np.sum(np.linalg.eigvalsh(p) < 0)) for p in self._pivots)
+
+    @property
+    def largest(self) -> float:
+        """The largest entry of a pivot: round-off is as much more as it is beyond the matrix."""
+        return max(float(np.abs(p).max(initial=0.0)) for p in self._pivots)
+
+    @property
+    def _pivots(self) -> list[Array]:
         pivots = [pivot for inner in self.inner for pivot in inner.pivots]
-        pivots += [*(level.pivot for level in self.levels), self.last]
-        return sum(int(np.sum(np.linalg.eigvalsh(p) < 0)) for p in pivots)
+        return [*pivots, *(level.pivot for level in self.levels), self.last]
 
 
 class _Inner:

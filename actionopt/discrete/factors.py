@@ -37,6 +37,9 @@ LARGE_SIZE = 50_000  # unknowns and rows whose factors take a second or so; ad h
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 # Size below which a row is scaled. Measured: counts are right where all are 1e-3, wrong from 1e-6.
 SMALL_ROW = 1e-3
+# Growth of pivots from where on signs are those of the full matrix: an element as long as the time
+# between conjugate points is singular inside. Derived: round-off of 1e-12, where mu is 1e-8.
+PIVOT_GROWTH = 1e4
 REFINEMENTS = 6  # each leaves half of the residual at most
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
 USEFUL = 1e-8  # residual above which the factors are given up
@@ -218,7 +221,10 @@ class Factors:
                 return 0
             return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
         if layout.storage == "blocks":
-            return self._condensed_blocks.negative()
+            known, size = self._condensed_blocks, np.abs(self.nonzeros).max()
+            if known.largest > PIVOT_GROWTH * size and layout.size <= PATTERN:
+                return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
+            return known.negative()
         if isinstance(layout, BorderedLayout):
             return _Edged(layout, self.nonzeros).negative()
         if layout.keeps_factors:

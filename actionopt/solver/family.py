@@ -40,6 +40,8 @@ def may_be_family(ws: Workspace, status: Status) -> bool:
     if not (status.success or status is Status.FLOOR):
         return status is Status.UNRESOLVED or (status in LOST and ws.unpolished is not None)
     here = ws.here
+    if ws.problem.closes and is_at_rest(here.Q, here.tr.lengths.max()):
+        return True  # the mesh of a rest resolves none of its neighbours
     # With one coordinate the noise tells by itself, in units of the motion.
     if not here.can_be_one_of_many and here.noise * (here.sizes / here.lengths).max() <= ROUNDED:
         return False
