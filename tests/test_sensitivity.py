@@ -315,3 +315,38 @@ def test_a_waypoint_on_a_constraint_moves_along_it():
     along = np.array([np.cos(0.5), -np.sin(0.5)])
     bend = along @ s.q0q0 @ along - s.q0 @ point(0, -0.5)
     assert bend == pytest.approx((actions[0] - 2 * actions[1] + actions[2]) / h**2, abs=1e-6)
+
+
+@pytest.mark.parametrize("where", ["end", "surface", "event"])
+def test_what_an_event_leaves_free_follows_the_constraint(where):
+    """On z = c (x + t) from x = 0 to b = u T lines: S = T (u^2 + c^2 (u + 1)^2) / 2."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2,
+        ["x", "y", "z"],
+        parameters={"c": 0.7},
+        constraint=lambda q, t, *, c: q[2] - c * (q[0] + t),
+    )
+    b, T, c = 1.1, 1.3, 0.7
+    u = b / T
+    by_b, by_T, by_c = u + c**2 * (u + 1), (c**2 - u**2 * (1 + c**2)) / 2, T * c * (u + 1) ** 2
+    start, place = ao.Event(0, [0, 0, None]), ao.Event(T, [b, None, None])
+    if where == "event":  # the other leg is from b to 0 in 0.7
+        problem = ao.Problem(system, start, ao.Event(2, [0, None, None]), through=[place])
+        w = -b / 0.7
+        found = ao.solve(problem).sensitivity()
+        by_b -= w + c**2 * (w + 1)
+        by_T -= (c**2 - w**2 * (1 + c**2)) / 2
+        by_c += 0.7 * c * (w + 1) ** 2
+        at = found.through_q[0], found.through_t[0]
+    elif where == "end":
+        found = ao.solve(ao.Problem(system, start, place)).sensitivity()
+        at = found.q1, found.t1
+    else:
+        line = ao.Event(T, None, on=lambda q, t, *, g: q[0] - g * t)
+        found = ao.solve(ao.Problem(system, start, line, parameters={"g": u})).sensitivity()
+        assert found.parameters["g"] == pytest.approx(by_b * T, rel=1e-9)
+        by_b, by_T = 0.0, by_T + u * by_b
+        at = found.q1, found.t1
+    assert at[0] == pytest.approx([by_b, 0, 0], abs=1e-9)
+    assert at[1] == pytest.approx(by_T, rel=1e-9)
+    assert found.parameters["c"] == pytest.approx(by_c, rel=1e-9)

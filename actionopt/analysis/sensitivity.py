@@ -51,7 +51,7 @@ class Sensitivity:
     Attributes
     ----------
     q0, q1 : (n,) arrays
-        dS/dq0 = -p0 and dS/dq1 = p1.
+        dS/dq0 = -p0 and dS/dq1 = p1; more where constraints move what is free with what is given.
     t0, t1 : float
         dS/dt0 = H0 and dS/dt1 = -H1, at fixed coordinates.
     parameters : dict
@@ -169,16 +169,23 @@ def slopes(
         packed = packed + steps @ system.clock.moving(inner, problem.packed)
     joints = problem.joints
     by_place = np.concatenate([-momenta[0][None], -impulses, momenta[1][None]])
-    for row, event in zip(by_place[1:-1], joints[1:-1], strict=True):
-        row[[i for i, x in enumerate(event.places(system.order)) if x is None]] = 0.0
     for k, event in enumerate(joints):
+        free = [i for i, x in enumerate(event.places(system.order)) if x is None]
+        between = 0 < k < len(joints) - 1
         if event.on is not None:  # S + mu.on is what is stationary
             mu, _ = reactions(at, k)
             _, by_q, by_t, by_p = surface_at(at, k)
-            given = list(event.pinned if 0 < k < len(joints) - 1 else range(system.n))
-            by_place[k, given] += mu @ by_q[:, given]
+            by_place[k, : system.n] += mu @ by_q
             times[k] += float(mu @ by_t)
             packed = packed + mu @ by_p
+        if system.m and free and system.order == 1 and (between or problem.advance is None):
+            by_q, by_t, by_p = _reaction(at, k, by_place[k], free)
+            found = np.isnan(at.rows[tr.joints[k]]).all()  # its place was: no rows
+            times[k] += by_t if found or between else 0.0
+            packed = packed + (by_p if found else 0.0)
+            by_place[k] += by_q
+        if between:
+            by_place[k, free] = 0.0
     if problem.has_tails:  # what is beyond the window's edges goes with the system
         known = next(x for x in problem.rests if x is not None)
         ends = np.array([[problem.start.t], [problem.end.t]])
@@ -197,6 +204,25 @@ def slopes(
         "integral": -problem.kappa,
         "parameters": packed,
     }
+
+
+def _reaction(
+    at: DiscretePath, k: int, by_place: Array, free: list[int]
+) -> tuple[Array, float, Array]:
+    """Return the derivatives of nu.f at event k by q (n,), t and the packed parameters (p,).
+
+    What is `free` there moves along the constraints: S + nu.f is stationary in it, where S has the
+    derivatives `by_place` (n,).
+    """
+    problem, node = at.problem, at.tr.joints[k]
+    system, q, t = problem.system, at.Q[node], at.mesh.nodes[node]
+    G = system.constraint_jacobian(q, t, parameters=problem.parameters)
+    if isinstance(problem, Held):  # rows of the obstacle push where they are touched
+        G = G * problem.active(np.array([t]))
+    nu = -np.linalg.lstsq(G[:, free].T, by_place[free])[0]
+    state = np.tile(q, (2, 1)), np.tile(at.path.velocity(t), (2, 1)), np.full((2, 1), t)
+    by_t, by_p = explicit(system)(*state, problem.packed, np.stack([nu, 0 * nu]))
+    return nu @ G, float(by_t[0, 0] - by_t[1, 0]), by_p[0] - by_p[1]
 
 
 def _second_alone(at: DiscretePath, error: float) -> tuple[Array, Array, Array]:
