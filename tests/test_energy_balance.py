@@ -251,6 +251,17 @@ def test_a_jump_beside_an_end_of_the_path(start, end):
     assert ao.solve(problem, throw=False).status is ao.Status.JUMP
 
 
+def test_rounded_velocities_of_short_elements_between_switches_are_no_drift():
+    """The energy jumps by 450 and more there, and so by what velocities are rounded."""
+    pushed = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 + np.where(abs(t - 0.3) < 1e-4, 5e3, 0) * q[0], ["x"]
+    )
+    problem = ao.Problem(pushed, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
+    found = ao.solve(problem, tol=1e-12)
+    assert found.mesh.elements < 100
+    assert found.velocity([0.2, 0.4])[0] == pytest.approx([0.3, 1.3], abs=1e-12)
+
+
 @pytest.mark.long
 def test_a_jump_beside_a_switch_of_the_clock():
     """L jumps in the time there; on either side of it L is compared with itself."""

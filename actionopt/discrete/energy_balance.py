@@ -287,9 +287,13 @@ class Balance:
         first, done, inside = 0, np.zeros(low.size), np.ones(low.size, dtype=bool)
         by_time = np.zeros(low.size)
         jumps = np.zeros(tr.mesh.elements)
-        if tr.sides is not None:  # where laws switch the energy jumps
+        if tr.sides is not None:  # where laws switch the energy jumps, and no momentum
             ends = (self.speeds * self.momenta).sum(axis=0) - self.outer
             jumps[1:] = ends[1:, 0] - ends[:-1, 1]
+            # That of H at one L_v: velocities of short elements are rounded, and v dL_v by that.
+            means = (self.speeds[:, 1:, 0] + self.speeds[:, :-1, 1]) / 2
+            rounded = means * (self.momenta[:, 1:, 0] - self.momenta[:, :-1, 1])
+            jumps[1:] -= rounded.sum(axis=0)
             jumps[1:] *= tr.sides[0][1:] != tr.sides[1][:-1]
         last = 0
         for b in tr.between_nodes:
