@@ -190,6 +190,16 @@ def test_an_energy_below_the_potential_at_an_end_is_no_search():
     assert ao.solve(problem.replace(energy=1.5)).success
 
 
+def test_a_coordinate_of_round_off_needs_no_duration_to_be_told_from_one_of_another_unit():
+    """Once round a great circle ends at sin(2 pi), -2.4e-16, and takes 2 pi / sqrt(2 E)."""
+    sphere = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: q @ q - 1
+    )
+    end = ao.Event(None, [np.cos(2 * np.pi), np.sin(2 * np.pi), 1e-16])
+    problem = ao.Problem(sphere, ao.Event(0, [1.0, 0.0, 0.0]), end, energy=2.0)
+    assert problem.scales == pytest.approx([1, 1, 1])
+
+
 def test_a_start_whose_time_is_free():
     oscillator = systems.oscillator()
     problem = ao.Problem(oscillator, free(None, [0.3]), ao.Event(2.0, [0.8]), energy=0.5)

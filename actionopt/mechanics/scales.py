@@ -90,9 +90,9 @@ def _inertias(problem: Any) -> Array:
     """Return the magnitude of the diagonal of d2L/dv2 at the start, shape (n,)."""
     q = np.array([[0.0 if x is None else x for x in e.near] for e in (problem.start, problem.end)])
     second = problem.system.pointwise("second")
-    v = (q[1:] - q[:1]) / problem.duration
+    v = (q[1:] - q[:1]) * (0.0 if problem.free_time else 1 / problem.duration)
     state = first_state(problem.system, q[:1], v)
-    values = second(*state, np.array([[problem.start.t]]), problem.packed)[2][0]
+    values = second(*state, np.array([[problem.start.t or 0.0]]), problem.packed)[2][0]
     return diagonal(problem.system, 2, values[None])[0]
 
 
