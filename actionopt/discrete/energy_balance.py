@@ -84,12 +84,15 @@ class Imbalance:
         By how much L changes there without a reason; zero if that is not known.
     allowed : (K,) array
         How far L may change there without a reason.
+    sudden : bool
+        Whether it does so in a small part of what is between two samples.
     """
 
     low: Array
     high: Array
     off: Array
     allowed: Array
+    sudden: bool = False
 
     def __str__(self) -> str:
         """Say where it is off most, and by how much."""
@@ -542,7 +545,7 @@ def narrowest_intervals(problem: Problem, path: Path, found: Imbalance) -> Imbal
         kept = found.low, found.high, found.off, found.allowed
         new = low[wrong], high[wrong], np.nan_to_num(parts[wrong]), allowed[wrong // INNER_PARTS]
         known = (np.append(y[~long], z)[:FOLLOWED] for y, z in zip(kept, new, strict=True))
-        found, first = Imbalance(*known), False
+        found, first = Imbalance(*known, sudden=True), False
     if not problem.system.structure.depends_on_time:
         return found
     if first:  # that was the sum of dL/dt
@@ -553,7 +556,7 @@ def narrowest_intervals(problem: Problem, path: Path, found: Imbalance) -> Imbal
     if not of_path.any():
         return None
     known = found.low, found.high, found.off, found.allowed
-    return Imbalance(*(part[of_path] for part in known))
+    return Imbalance(*(part[of_path] for part in known), sudden=True)
 
 
 def rounding(problem: Problem, path: Path) -> float:

@@ -405,9 +405,8 @@ class _TraceRun:
         """Go on at s with the least path near this one, what is in contact found anew."""
         if not (self.branch.arcs or here.at.problem.system.r):
             return False
-        found = solve(self.family(s), guess=here.path, tol=self.tol, throw=False)
-        apart = np.abs(found(here.path.mesh.nodes) - here.path.values).max(axis=1)
-        if not found.success or (apart > CONTACT_CHANGE * self.sizes).any():
+        found = self._solution_near(here, s)
+        if found is None:
             return False
         at = found.discrete
         self.solves += self.branch.solves
@@ -415,10 +414,18 @@ class _TraceRun:
         self._set(at.problem, at.path, at.rows, at.tr.lengths, s, sign)
         return True
 
-    def _jump(self, point: BranchPoint) -> Jump | Imbalance | None:
-        """Return a jump of L that the path crosses, or where its energy does not balance.
+    def _solution_near(self, near: BranchPoint, s: float | None = None) -> Solution | None:
+        """Return what `solve` finds at s, or at a point's own, from its path; None if not near."""
+        problem = self.family(near.s if s is None else s)
+        found = solve(problem, guess=near.path, tol=self.tol, throw=False)
+        apart = np.abs(found(near.path.mesh.nodes) - near.path.values).max(axis=1)
+        is_near = found.success and (apart <= CONTACT_CHANGE * self.sizes).all()
+        return found if is_near else None
 
-        `tol` is of the path as far as its mesh goes, and so of what impulses do to a free body.
+    def _jump(self, point: BranchPoint) -> Jump | Imbalance | None:
+        """Return a jump of L that the path crosses, or a narrow step that no mesh resolves.
+
+        What changes gradually shows how fine the mesh is, and so does what `solve` resolves.
         """
         problem, system = point.at.problem, point.at.problem.system
         if system.switches is not None:
@@ -427,7 +434,10 @@ class _TraceRun:
                 return found
         if system.structure.jumpless:
             return None
-        return find_imbalance(point.at, self.tol, self.tol)[0]
+        off = find_imbalance(point.at, self.tol)[0]
+        if isinstance(off, Imbalance) and not (off.sudden and self._solution_near(point) is None):
+            return None
+        return off
 
     def _action(self, point: BranchPoint) -> float:
         return point.at.action
