@@ -371,17 +371,20 @@ class _TraceRun:
     def _objection(self, point: BranchPoint) -> str:
         """Return why a stationary path is no answer, a sentence; empty if it is one."""
         jump, problem = self._jump(point), point.at.problem
-        if jump is not None:
-            crosses = (
-                "crosses a surface, on which" if isinstance(jump, Jump) else "is not resolved:"
-            )
-            return f"the path at {point.s:.6g} {crosses} {jump}"
+        if isinstance(jump, Jump):
+            return f"the path at {point.s:.6g} crosses a surface, on which {jump}"
+        if jump is not None and not self._is_solved(point):
+            return f"the path at {point.s:.6g} is not resolved: {jump}"
         if not problem.through:
             return ""
         at = point.at
         path = Solution(problem, at.path, at.action, at.rows.T, self.tol, Status.SOLVED, {})
         why = objection(path)
         return why and f"at {point.s:.6g} {why}"
+
+    def _is_solved(self, point: BranchPoint) -> bool:
+        """Whether there is a path on a mesh of its own: here it is on that of the last point."""
+        return solve(self.family(point.s), guess=point.path, tol=self.tol, throw=False).success
 
     # -- contact with an obstacle -----------------------------------------------------------------
 
