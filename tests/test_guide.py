@@ -89,6 +89,8 @@ def run(text, folder):
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     """Run the guide once."""
+    for package in ("pandas", "scipy", "sympy", "xarray"):
+        pytest.importorskip(package)
     folder = tmp_path_factory.mktemp("guide")
     return *run(GUIDE.read_text(), folder), folder
 
