@@ -501,3 +501,16 @@ def test_where_the_cubic_of_a_step_turns(slope, turns, hides):
         near = any(abs(place - x) < 0.09 for x in turns)
         far = all(abs(place - x) > 0.11 for x in turns)
         assert step.turns_at(place * length) is near or not (near or far)
+
+
+def test_a_trace_ends_where_there_is_no_further_question():
+    """The end x = s of a free particle on the line x = y is off it, and refused, beyond s = 1."""
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q[0] - q[1])
+
+    def family(s):
+        return ao.Problem(system, ao.Event(0, [0.0, 0.0]), ao.Event(1, [s, min(s, 1.0)]))
+
+    found = ao.trace(family(0.5), family, 2.0, start=0.5)
+    # Slopes are differences, which ask for questions by a step ahead.
+    assert found.values[-1] == pytest.approx(1.0, abs=1e-5) and "expected" in found.stopped
+    assert found.actions == pytest.approx(found.values**2)

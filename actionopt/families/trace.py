@@ -197,6 +197,7 @@ class _TraceRun:
     sizes: Array = field(init=False)
     pole_size: float = field(init=False)
     stopped: str = ""
+    refused: str = ""  # what is wrong with the question a step ahead
     meshes: int = 1
     solves: int = 0
 
@@ -252,7 +253,8 @@ class _TraceRun:
                     length = FIRST_STEP
                     continue
                 if length < SHORTEST_STEP:
-                    self.end("no step, however short, led on: the paths end or run away")
+                    why = self.refused or "the paths end or run away"
+                    self.end(f"no step, however short, led on: {why}")
                     return
                 continue
             there, corrections = taken
@@ -332,7 +334,12 @@ class _TraceRun:
 
     def _try(self, here: BranchPoint, length: float) -> tuple[BranchPoint, int] | None:
         """Return the point a step ahead and the corrections it took; None if it was too long."""
-        taken = self.branch.step(here, length)
+        self.refused = ""
+        try:
+            taken = self.branch.step(here, length)
+        except ValueError as error:  # no question there, such as of an end inside an obstacle
+            self.refused = str(error)
+            return None
         if taken is None or self.branch.angle(here, taken[0]) < STRAIGHT_STEP:
             return None
         return taken
@@ -419,7 +426,10 @@ class _TraceRun:
 
     def _solution_near(self, near: BranchPoint, s: float | None = None) -> Solution | None:
         """Return what `solve` finds at s, or at a point's own, from its path; None if not near."""
-        problem = self.family(near.s if s is None else s)
+        try:
+            problem = self.family(near.s if s is None else s)
+        except ValueError:
+            return None
         found = solve(problem, guess=near.path, tol=self.tol, throw=False)
         apart = np.abs(found(near.path.mesh.nodes) - near.path.values).max(axis=1)
         is_near = found.success and (apart <= CONTACT_CHANGE * self.sizes).all()
