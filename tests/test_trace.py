@@ -511,6 +511,7 @@ def test_a_trace_ends_where_there_is_no_further_question():
         return ao.Problem(system, ao.Event(0, [0.0, 0.0]), ao.Event(1, [s, min(s, 1.0)]))
 
     found = ao.trace(family(0.5), family, 2.0, start=0.5)
-    # Slopes are differences, which ask for questions by a step ahead.
     assert found.values[-1] == pytest.approx(1.0, abs=1e-5) and "expected" in found.stopped
     assert found.actions == pytest.approx(found.values**2)
+    assert ao.trace(family(0.5), family, 1.0, start=0.5).stopped == "it reached the goal"
+    assert ao.trace(family(1.0), family, 0.5, start=1.0).stopped == "it reached the goal"

@@ -237,12 +237,20 @@ class Branch:
             return point.direction
         return found / self.norm(point.tr, found)
 
+    def _beside(self, s: float, h: float) -> tuple[float, Discrete]:
+        """Return s + h and the equations there, or those at s where there is no question beyond."""
+        try:
+            return s + h, self.at(s + h)
+        except ValueError:
+            return s, self.at(s)
+
     def _slope(self, tr: Discrete, y: Array) -> Array:
         """Return dr/ds (size,) at y, or where it was taken last if that is near."""
         known = self.slope
         if known is None or not self.norm(tr, y - known[1]) <= SAME_SLOPE:
             z, s, h = y[:-1], float(y[-1]), DIFFERENCE * self.range
-            column = (self.at(s + h).residual(z) - self.at(s - h).residual(z)) / (2 * h)
+            (ahead, after), (behind, before) = self._beside(s, h), self._beside(s, -h)
+            column = (after.residual(z) - before.residual(z)) / (ahead - behind)
             self.slope = known = column, y
         return known[0]
 

@@ -339,10 +339,19 @@ class _TraceRun:
             taken = self.branch.step(here, length)
         except ValueError as error:  # no question there, such as of an end inside an obstacle
             self.refused = str(error)
-            return None
+            last = self._beyond(here.s + length * here.direction[-1])
+            taken = None if last is None else self._last(here, last)
         if taken is None or self.branch.angle(here, taken[0]) < STRAIGHT_STEP:
             return None
         return taken
+
+    def _last(self, here: BranchPoint, s: float) -> tuple[BranchPoint, int] | None:
+        """Return the point at an end of the interval, where what is beyond is no question."""
+        try:
+            found = self.branch.to(here, s)
+        except ValueError:
+            return None
+        return None if found is None else (found, 0)
 
     def _beyond(self, s: float) -> float | None:
         """Return the end of the interval that s has passed, if any."""
