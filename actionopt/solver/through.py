@@ -97,8 +97,8 @@ def solve_through(
                 break
     if best is None and problem.integral is not None:
         raise ValueError(
-            f"expected values of the integrals that a path between the events reaches, found "
-            f"{problem.integral} and no such path; change them, or give a guess"
+            f"expected values of the integrals that a first path between the events reaches, found "
+            f"{problem.integral} and no such path, which there may be; give a guess, or change them"
         )
     if best is None:
         raise ValueError(

@@ -95,8 +95,9 @@ def near_paths(problem: TestProblem) -> Iterator[dict[str, Any]]:
     for solution in every:
         near = problem.nearest(problem.at_nodes(solution), NEAR)
         kept = [s.x for s in (*found, *problem.others)]
-        new = near and near.index is not None and is_new(problem, near.x, kept)
-        if new and len(found) <= most:
+        if near is None or near.index is None or len(found) > most:
+            continue
+        if is_new(problem, near.x, kept):
             found.append(near)
     for point in found:
         yield {**_record(problem, point), "paths": len(every)}
