@@ -486,14 +486,19 @@ def test_the_action_changes_with_ends_of_a_path_in_contact():
         ending.sensitivity()
 
 
-def test_the_shortest_way_changes_with_the_radius_of_a_disc():
-    """By the angle of the arc that is in contact."""
-    system = ao.System(
+def beside_a_disc(radius):
+    """Return a free body in the plane, outside of a disc of the radius r."""
+    return ao.System(
         lambda q, v, t: v @ v / 2,
         ["x", "y"],
-        parameters={"r": 1.0},
+        parameters={"r": radius},
         obstacle=lambda q, t, *, r: q @ q - r**2,
     )
+
+
+def test_the_shortest_way_changes_with_the_radius_of_a_disc():
+    """By the angle of the arc that is in contact."""
+    system = beside_a_disc(1.0)
     A, B = (-2, 0.3), (2, 0.1)
     found = ao.solve(ao.Problem(system, ao.Event(0, A), ao.Event(1, B))).sensitivity()
     length = np.sqrt(2 * around(A, B)[1])
@@ -619,12 +624,7 @@ def test_a_loop_round_a_given_area_may_be_shifted_along_a_strip():
 @pytest.mark.long
 def test_a_branch_of_free_duration_follows_contact():
     """At the energy E it takes the length over sqrt(2 E), and S = E T."""
-    system = ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y"],
-        parameters={"r": 0.6},
-        obstacle=lambda q, t, *, r: q @ q - r**2,
-    )
+    system = beside_a_disc(0.6)
     A, B = [-2.0, 0.3], [1.5, 0.3]
     problem = ao.Problem(system, ao.Event(0, A), ao.Event(None, B), energy=0.5)
     found = ao.trace(problem, "r", 1.0)

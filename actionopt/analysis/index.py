@@ -136,8 +136,7 @@ def _count(at: DiscretePath, error: float, moves: int) -> Inertia:
     """
     tolerance = tolerance_of(error)
     if at.tr.order > 1:
-        own = lambda at, mu, dense: _on_its_mesh(at, at.tr, at.z, mu, dense=dense)  # noqa: E731
-        return _count_on_mesh(at, error, own)
+        return _count_on_mesh(at, error, _alone)
     form = resolve(at, error, INDEX_RESOLUTION)
     found = _all_moves(form, max(tolerance, NEAR_ZERO), moves, _signs_of)
     if found.nullity <= moves:
@@ -178,8 +177,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     """
     tolerance = tolerance_of(error)
     if at.problem.touches or at.problem.original.integral is not None or at.tr.order > 1:
-        own = lambda at, mu, dense: _beside(at, mu, None, dense=dense)  # noqa: E731
-        return _count_on_mesh(at, error, own)
+        return _count_on_mesh(at, error, _beside)
     form = resolve(at, error, INDEX_RESOLUTION)
     found = inertia_beside(form, max(tolerance, NEAR_ZERO))
     if found.nullity <= found.moves:
@@ -187,16 +185,16 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     better = _better_form(at, error, found.nullity - found.moves)
     if better is not None:
         form, tolerance = better, INDEX_TOLERANCE
-    return _beside(form.at, tolerance, form, dense=True)
+    return _beside(form.at, tolerance, True, form)
 
 
 def inertia_beside(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
     """Return the inertia of a path and of what was found beside it, on the mesh of a form."""
-    return _beside(form.at, tolerance, form)
+    return _beside(form.at, tolerance, form=form)
 
 
 def _beside(
-    at: DiscretePath, tolerance: float, form: Form | None, *, dense: bool = False
+    at: DiscretePath, tolerance: float, dense: bool = False, form: Form | None = None
 ) -> Inertia:
     asked = at.problem.original
     bordered, y = equations_of(asked, at, moves_of(asked))
@@ -221,6 +219,10 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     ValueError as `inertia` does.
     """
     return _count_on_mesh(at, error, _through)
+
+
+def _alone(at: DiscretePath, tolerance: float, dense: bool) -> Inertia:
+    return _on_its_mesh(at, at.tr, at.z, tolerance, dense=dense)
 
 
 def _through(at: DiscretePath, tolerance: float, dense: bool) -> Inertia:
@@ -353,7 +355,7 @@ def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE, moves: int = 0) -
 
 
 def _signs_of(form: Form, tolerance: float, moves: int) -> Inertia:
-    """Return the same, where more than the moves vanishes without the smallest eigenvalue."""
+    """Return what `inertia_of` does, with the smallest |mu| only where the moves alone vanish."""
     if not form.freedom:
         return Inertia(0, 0, None, tolerance)
     check_legendre(form)
