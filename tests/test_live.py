@@ -475,6 +475,30 @@ def test_conjugate_times_in_the_page(asked, computed, name):
     )
 
 
+def knobs(chromium):
+    """Return where the handles are that are not put away, (k, 2)."""
+    return chromium.run(
+        "[...document.querySelectorAll('.live .knob')].map(k => k.getBoundingClientRect())"
+        ".filter(b => b.width).map(b => [b.x, b.y])"
+    )
+
+
+def apart(chromium):
+    """Return the least distance between two handles, in pixels."""
+    return min(np.hypot(*np.subtract(a, b)) for a, b in itertools.combinations(knobs(chromium), 2))
+
+
+# The straight lines of three bodies cross; a pendulum comes back along its arc; five small arcs.
+@pytest.mark.parametrize(
+    ("name", "least"), [("figure_eight", 3), ("rod_pendulum", 3), ("chain", 4)]
+)
+def test_fingers_tell_handles_apart_on_a_phone(folder, chromium, name, least):
+    opened(chromium, folder, scenes.get(name), 360, 740)
+    assert len(knobs(chromium)) >= least and apart(chromium) >= 24
+    press(chromium, "solve")
+    assert len(knobs(chromium)) >= least and apart(chromium) >= 24
+
+
 def test_all_of_it_by_keyboard_and_on_a_phone(folder, chromium):
     opened(chromium, folder, scenes.get("kepler"), 360, 740)
     assert chromium.run("document.documentElement.scrollWidth <= innerWidth")
@@ -483,12 +507,7 @@ def test_all_of_it_by_keyboard_and_on_a_phone(folder, chromium):
     assert chromium.run(f"Math.min(...{sizes})") >= 11
     reach = "[...document.querySelectorAll('button, input, summary, .handle')]"
     assert chromium.run(f"{reach}.every(e => e.tabIndex >= 0)")
-    knobs = chromium.run(
-        "[...document.querySelectorAll('.live .knob')].map(k => k.getBoundingClientRect())"
-        ".filter(b => b.width).map(b => [b.x, b.y])"
-    )
-    apart = [np.hypot(*np.subtract(a, b)) for a, b in itertools.pairwise(knobs)]
-    assert len(knobs) == 3 and min(apart) >= 24  # fingers tell them apart
+    assert 3 <= len(knobs(chromium)) and apart(chromium) >= 24  # fingers tell them apart
     before = told(chromium, "action")
     chromium.run("document.querySelector('.live [data-handle=\"4\"]').focus()")
     chromium.key("ArrowUp")

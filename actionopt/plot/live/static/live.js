@@ -403,14 +403,17 @@
       Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()), known: motion.known, last, range: extent });
     }
 
-    // Every second handle is put away where, along the straight line or the motion, all are closer
-    // than a finger tells apart.
+    // A handle is put away where one that is kept is closer than a finger tells apart, along the
+    // straight line or the motion. The middle of each curve is kept first, then what halves its parts.
     function thin() {
-      const close = shapes.some(({ pair }) => [first, ...(motion.known ? [motion.Q] : [])].some((Q) => {
-        const at = Array.from({ length: spans + 1 }, (_, j) => spot(Q, knot(j), pair)).map(([x, y]) => [pathPanel.X(x), pathPanel.Y(y)]);
-        return at.slice(1).reduce((sum, [x, y], j) => sum + Math.hypot(x - at[j][0], y - at[j][1]), 0) < FINGER * spans;
-      }));
-      handles.forEach((it) => { it.away = close && it.j % 2 === 1; it.group.classList.toggle("away", it.away); });
+      const rank = (j) => (j % spans ? spans / 2 / (j & -j) : spans), kept = [];
+      const lines = [first, ...(motion.known ? [motion.Q] : [])];
+      [...handles].sort((a, b) => rank(a.j) - rank(b.j)).forEach((it) => {
+        it.at = lines.map((Q) => { const [x, y] = spot(Q, knot(it.j), it.pair); return [pathPanel.X(x), pathPanel.Y(y)]; });
+        it.away = kept.some((other) => it.at.some(([x, y], k) => Math.hypot(x - other.at[k][0], y - other.at[k][1]) < FINGER));
+        if (!it.away) kept.push(it);
+        it.group.classList.toggle("away", it.away);
+      });
     }
 
     // How S falls with each handle: an arrow the way that it is to be pulled, of a length as the slope
