@@ -152,7 +152,7 @@
       layout();
     });
     const sliders = html(figure, "div", { class: "controls sliders" });
-    const time = slider(sliders, data.measure?.name ? W.part : W.duration, 0.1 * data.duration, data.longest, data.duration);
+    const time = slider(sliders, data.measure ? W.part : W.duration, 0.1 * data.duration, data.longest, data.duration);
     time.input.dataset.duration = "";
     const marks = html(time.track, "span", { class: "foci", "aria-hidden": "true" });
     const message = html(figure, "p", { class: "message", role: "status" });
