@@ -49,6 +49,7 @@ PAGE_WORDS = {
     "forced": "a force stands beside L: its motion is not where this S is stationary",
     "once": "Newton\u2019s method, one step.",
     "solved": "Newton\u2019s method, {k} steps.",
+    "released": "The force that is missing on your path was taken away in {k} parts.",
     "stationary": "Here the slope is zero in every direction.",
     "elsewhere": "No motion was found near your path; this one is elsewhere.",
     "lost": "The motion could not be followed farther.",

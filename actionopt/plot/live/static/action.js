@@ -4,7 +4,7 @@
 // varies in their tangent planes, of which `planes` has an orthonormal basis at every node.
 globalThis.actionopt = (() => {
   "use strict";
-  const STEPS = 40, HALVINGS = 12; // of Newton's method
+  const STEPS = 40, FEW = 12, HALVINGS = 12; // of Newton's method; from a path that is near
   const CLOSE = 1e-11; // a step relative to the coordinates' sizes that is the last
   const SEEN = 160; // points of a curve
   const DEPENDENT = 1e-9; // of a constraint's gradient, what is left of one that others imply
@@ -13,6 +13,7 @@ globalThis.actionopt = (() => {
   const TOUCHING = 1e-5; // of its largest value: what is none of a determinant that does not change its sign
   const RESOLVED = 1e-9, TRUSTED = 1e-6, ROUNDS = 12, UNKNOWNS = 1200; // of the coordinates' sizes; of refinement; most
   const WORST = 0.03; // of the largest residual of an element: those that are cut
+  const LEAST_PART = 0.01; // of a force that is taken away part by part
   const FLAT = 1e-6; // of the kinetic part of the second variation: eigenvalues that are zero
 
   // Abramowitz and Stegun 7.1.6, and by continued fractions where that takes long (7.1.14).
@@ -492,6 +493,19 @@ globalThis.actionopt = (() => {
       return null;
     }
 
+    // The stationary path to which Q leads as the force that makes a motion of it is taken away, part
+    // by part; null where that ends before.
+    released(Q, follow = () => {}) {
+      const lacking = this.gradient(Q);
+      let left = 1, part = 0.25, at = Q;
+      while (left > 0) {
+        const next = Math.max(0, left - part), found = this.newton(at, { force: lacking.map((x) => -next * x), steps: FEW });
+        if (found) { [at, left, part] = [found, next, 2 * part]; follow(at); }
+        else if ((part /= 2) < LEAST_PART) return null;
+      }
+      return at;
+    }
+
     // What a stationary path leaves between its nodes, seen on the mesh twice as fine: `off`, how far
     // its residual moves it, relative to the coordinates' sizes, and `error`, that of S; with the elements
     // that are the worst. The residual is measured by the kinetic part of the second variation alone,
@@ -625,7 +639,7 @@ globalThis.actionopt = (() => {
     motion(Q, p0) {
       const force = new Float64Array(Q.length);
       force.set(p0);
-      return this.thrown(Q, (sides) => this.newton(Q, { force, steps: 12, sides }));
+      return this.thrown(Q, (sides) => this.newton(Q, { force, steps: FEW, sides }));
     }
 
     // What `ask` makes of Newton's rows and columns where the start is given and the end is free.

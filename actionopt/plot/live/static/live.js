@@ -665,14 +665,20 @@
     function solve() {
       stop();
       // On few elements first, from which Newton's method goes less far astray than on many.
-      let steps, from, begun;
+      let steps, from, begun, parts;
       for (const mesh of motion.known ? [A.coarse()] : [A.coarse(), A]) {
-        [steps, from] = [[], mesh];
-        begun = mesh.resolved(A.carried(trial, mesh), (B, Q) => B.newton(Q, { follow: B === mesh ? (P) => steps.push(P) : null }));
+        [steps, from, parts] = [[], mesh, 0];
+        const follow = (P) => steps.push(P), near = (at) => {
+          const found = mesh.newton(at, { follow });
+          if (found) return found;
+          steps = [];
+          return mesh.released(at, (P) => { follow(P); parts++; });
+        };
+        begun = mesh.resolved(A.carried(trial, mesh), (B, Q) => (B === mesh ? near(Q) : B.newton(Q)));
         if (begun?.known) break;
       }
-      const found = begun?.known ? begun : null, measured = { found: Boolean(found), known: motion.known, met: Boolean(begun), steps: steps.length, forced };
-      const words = [say("solved", measured, { k: steps.length }), say("level", measured)].join(" ").trim();
+      const found = begun?.known ? begun : null, measured = { found: Boolean(found), known: motion.known, met: Boolean(begun), steps: steps.length, parts, forced };
+      const words = [say("solved", measured, { k: parts || steps.length }), say("level", measured)].join(" ").trim();
       if (!found && !motion.known) { motion.met = Boolean(begun); become(trial, words); return; }
       const before = found ? steps.map((Q) => from.carried(Q, found.A)) : steps;
       if (found) {

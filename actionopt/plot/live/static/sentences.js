@@ -24,11 +24,13 @@ globalThis.actionopt.sentences = (() => {
       more: (m) => m.rise > 0,
       less: (m) => m.rise < 0,
     },
-    // Newton's method: { found, known, met, steps, forced }, where `found` is known to be a motion
+    // Newton's method: { found, known, met, steps, parts, forced }, where `found` is known to be
+    // a motion, and `parts` those in which a force was taken away
     solved: {
       elsewhere: (m) => !m.found && m.known,
       none: (m) => !m.found && !m.met,
       coarse: (m) => !m.found,
+      released: (m) => m.parts > 0,
       once: (m) => m.steps < 2,
       solved: () => true,
     },
