@@ -290,14 +290,20 @@ def test_a_guess_near_the_centre_of_turns_leads_to_it():
     assert (found.inertia.index, found.inertia.nullity) == (3, 0)
 
 
-def test_a_rest_in_resonance_is_one_of_a_family():
+@pytest.mark.parametrize(
+    ("squares", "T", "index", "nullity"),
+    [
+        # Constants along x0 and x2 lower S, cosine and sine of pi t along x0; of 2 pi t do not.
+        ([4 * np.pi**2, -1.2, 0.4], 2.0, 4, 2),
+        # The same of k t / 2, k = 0, 1 and 2, and to 4, and to 6; the matrix is sparse.
+        ([1, 4, 9, -1], 4 * np.pi, 21, 6),
+    ],
+)
+def test_a_rest_in_resonance_is_one_of_a_family(squares, T, index, nullity):
     """Elements begin at conjugate times: four of them in two periods."""
-    found = rests(
-        3, lambda q: (2 * np.pi * q[0]) ** 2 / 2 - 0.6 * q[1] ** 2 + 0.2 * q[2] ** 2, T=2.0
-    )
+    found = rests(len(squares), lambda q: np.multiply(squares, q) @ q / 2, T=T)
     assert found.status is ao.Status.DEGENERATE
-    # Constants along x0 and x2 lower S, cosine and sine of pi t along x0; those of 2 pi t do not.
-    assert (found.inertia.index, found.inertia.nullity) == (4, 2)
+    assert (found.inertia.index, found.inertia.nullity) == (index, nullity)
 
 
 @pytest.mark.parametrize("n", [1, 2])

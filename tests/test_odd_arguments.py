@@ -173,7 +173,6 @@ def calls(folder):
 EVENT_PARTS = ("of_places", "places", "pinned_places")
 # Methods that the rooms call on each other's objects, and users do not.
 INTERNAL = {
-    "Problem.between_places",
     *("Problem.active", "Problem.found_at", "Problem.in_force"),
     *("System.assemble", "System.lagrangian_of"),
     *(f"{kind}.{name}" for kind in ("Event", "Periodic") for name in EVENT_PARTS),

@@ -45,7 +45,6 @@ INDEX_RESOLUTION, POLISHED = 1e-6, 1e-10
 # |mu| below which it may be zero; measured: of families 1e-6 at most on paths to 1e-8.
 NEAR_ZERO = 1e-5
 INDEX_TOLERANCE = 1e-8  # least |mu| that has a sign; ad hoc: the default `tol` of a path
-DENSE_COUNT = 1500  # unknowns, of which all eigenvalues take a second; ad hoc
 LOOSEST = 1e-2  # |mu| moved by a path whose error is not known; ad hoc
 DENSE_SIGNS = 1000  # unknowns and rows up to which signs on what rows allow are full ones; ad hoc
 ERROR_GAIN = 10.0  # |mu| moved by an error of the path; ad hoc, for coefficients of order one
@@ -185,26 +184,24 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     better = _better_form(at, error, found.nullity - found.moves)
     if better is not None:
         form, tolerance = better, INDEX_TOLERANCE
-    return _beside(form.at, tolerance, True, form)
+    return _beside(form.at, tolerance, form)
 
 
 def inertia_beside(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
     """Return the inertia of a path and of what was found beside it, on the mesh of a form."""
-    return _beside(form.at, tolerance, form=form)
+    return _beside(form.at, tolerance, form)
 
 
-def _beside(
-    at: DiscretePath, tolerance: float, dense: bool = False, form: Form | None = None
-) -> Inertia:
+def _beside(at: DiscretePath, tolerance: float, form: Form | None = None) -> Inertia:
     asked = at.problem.original
     bordered, y = equations_of(asked, at, moves_of(asked))
     assert isinstance(bordered, Bordered)
-    found = _on_its_mesh(bordered.discrete(y), bordered, y, tolerance, form, dense=dense)
+    found = _on_its_mesh(bordered.discrete(y), bordered, y, tolerance, form)
     if bordered.start_coordinates and found.nullity:
         # What is given chooses of a family; a symmetry may well lead along what is left of that.
         free, places = bordered.without(PhaseCondition)
         held = [int(free.first.layout.number[0, i]) for i in asked.start.pinned]
-        left = _on_its_mesh(free.discrete(y), free, y[places], tolerance, form, held, dense=dense)
+        left = _on_its_mesh(free.discrete(y), free, y[places], tolerance, form, held)
         return replace(found, nullity=left.nullity)
     shifts = bordered.phases - len(bordered.start_coordinates)
     return replace(found, nullity=found.nullity + shifts, moves=shifts)
@@ -221,24 +218,24 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     return _count_on_mesh(at, error, _through)
 
 
-def _alone(at: DiscretePath, tolerance: float, dense: bool) -> Inertia:
-    return _on_its_mesh(at, at.tr, at.z, tolerance, dense=dense)
+def _alone(at: DiscretePath, tolerance: float) -> Inertia:
+    return _on_its_mesh(at, at.tr, at.z, tolerance)
 
 
-def _through(at: DiscretePath, tolerance: float, dense: bool) -> Inertia:
+def _through(at: DiscretePath, tolerance: float) -> Inertia:
     equations, z = equations_of(at.problem.original, at)
-    return _on_its_mesh(at, equations, z, tolerance, dense=dense)
+    return _on_its_mesh(at, equations, z, tolerance)
 
 
 def _count_on_mesh(
-    at: DiscretePath, error: float, count: Callable[[DiscretePath, float, bool], Inertia]
+    at: DiscretePath, error: float, count: Callable[[DiscretePath, float], Inertia]
 ) -> Inertia:
     """Return the inertia counted on the mesh of a path, on a better one where it leaves signs open.
 
     As `_count` does where Jacobi fields are resolved, so that no verdict hangs on the tolerance.
     """
     tolerance = tolerance_of(error)
-    found = count(at, max(tolerance, NEAR_ZERO), False)
+    found = count(at, max(tolerance, NEAR_ZERO))
     if found.nullity <= found.moves:
         return replace(found, tolerance=tolerance)
     if not (error <= POLISHED or at.problem.touches):
@@ -246,7 +243,7 @@ def _count_on_mesh(
             better = improve_path(at, POLISHED, found.nullity - found.moves)
             if better is not None:
                 at, tolerance = better, INDEX_TOLERANCE
-    return count(at, tolerance, True)
+    return count(at, tolerance)
 
 
 def _on_its_mesh(
@@ -256,16 +253,12 @@ def _on_its_mesh(
     tolerance: float,
     resolved: Form | None = None,
     held: Sequence[int] = (),
-    *,
-    dense: bool = False,
 ) -> Inertia:
     """Return the inertia of the derivative of the equations of a path on its mesh.
 
     The second variation on that mesh, `resolved`, tells which L are refused; without one L_vv does.
-    Variations of the unknowns `held` are not counted. Where eigenvalues are known to be near zero
-    the matrix is `dense`: between conjugate times the pivots of blocks are large round-off. For a
-    path in contact, variations that keep what is in contact there are counted: to second order S
-    does not depend on the times of contact.
+    Variations of the unknowns `held` are not counted. For a path in contact, variations that keep
+    what is in contact there are counted: to second order S does not depend on the times of contact.
     """
     problem, tr = at.problem, at.tr
     if problem.system.structure.forced:
@@ -309,8 +302,6 @@ def _on_its_mesh(
             # Pivots of the whole are off by what makes rows regular. In higher orders the rows are
             # integrals of functions that nearly depend on one another on elements of a high degree.
             return int(np.sum(np.linalg.eigvalsh(basis.T @ full(layout, shifted) @ basis) < 0))
-        if dense and not stiff and layout.size <= DENSE_COUNT:
-            return int(np.sum(np.linalg.eigvalsh(full(layout, shifted)) < 0)) - multipliers
         if stiff:
             return Increments(equations, z, shifted, mu).negative() - multipliers
         return Factors(layout, shifted).negative() - multipliers

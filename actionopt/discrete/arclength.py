@@ -15,6 +15,7 @@ s relative to its range.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -185,7 +186,8 @@ class Branch:
             for k in range(1, most + 1):
                 # The first step needs no slope of its own: s hardly changes across the branch.
                 slope = before[0] if before and k == 1 else self._slope(tr, y)
-                change = self._solve_bordered(tr, y, row, np.r_[tr.residual(y[:-1]), 0.0], slope)
+                right = np.r_[tr.residual(y[:-1]), 0.0]
+                change = self._solve(self._factorize(tr, y, row, slope), right)
                 if change is None:
                     return None
                 size = self._size(tr, change)
@@ -232,7 +234,7 @@ class Branch:
         right = np.r_[np.zeros(point.z.size), 1.0]
         y = np.r_[point.z, point.s]
         slope = self._slope(point.tr, y)
-        found = self._solve_bordered(point.tr, y, point.direction, right, slope)
+        found = self._solve(self._factorize(point.tr, y, point.direction, slope), right)
         if found is None or not np.all(np.isfinite(found)):
             return point.direction
         return found / self.norm(point.tr, found)
@@ -254,21 +256,30 @@ class Branch:
             self.slope = known = column, y
         return known[0]
 
-    def _solve_bordered(
-        self, tr: Discrete, y: Array, row: Array, right: Array, slope: Array
-    ) -> Array | None:
-        """Solve the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch."""
+    def _factorize(self, tr: Discrete, y: Array, row: Array, slope: Array) -> Factors | None:
+        """Factorize the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch.
+
+        None if it is singular.
+        """
         self.solves += 1
         z, cut = y[:-1], tr.layout.unknowns
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
         known = self.factors
-        try:
-            edges = slope[:, None], last[None, :-1], last[-1:, None]
+        edges = slope[:, None], last[None, :-1], last[-1:, None]
+        with suppress(np.linalg.LinAlgError):
             layout, nonzeros = border_matrix(tr.layout, tr.kkt(z), *edges)
             same = known is not None and known.layout is layout and not layout.small
-            near = known.near(nonzeros) if known and same else Factors(layout, nonzeros)
-            found = near.solve(right)
+            return known.near(nonzeros) if known and same else Factors(layout, nonzeros)
+        return None
+
+    def _solve(self, factors: Factors | None, right: Array) -> Array | None:
+        """Solve for one right-hand side, (size + 1,), and keep the factors; None if singular."""
+        if factors is None:
+            return None
+        try:
+            found = factors.solve(right)
         except np.linalg.LinAlgError:
             return None
-        self.factors = known if near.is_refined else near
+        if not factors.is_refined:
+            self.factors = factors
         return found

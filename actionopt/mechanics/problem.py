@@ -448,13 +448,6 @@ class Problem:
         """Whether a surface on which the path begins or ends moves."""
         return any(e is not None and e.on.depends_on_time for e in self.surfaces)
 
-    def between_places(self, places: Array) -> Problem:
-        """Return the problem between `places` (2, n) where its ends lie on surfaces."""
-        given = zip((self.start, self.end), places, strict=True)
-        ends = [e if e.on is None else Event(e.t, q) for e, q in given]
-        energy = self.energy if self.free_time else None
-        return Problem(self.system, *ends, parameters=self.parameters, energy=energy)
-
     @property
     def phase_coordinates(self) -> tuple[int, ...]:
         """Coordinates at the start that say where a closed path begins along itself."""

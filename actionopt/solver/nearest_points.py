@@ -15,6 +15,7 @@ from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal
 from actionopt.solver.between import solve_on_the_way
@@ -76,6 +77,14 @@ def motions(problem: Problem, watch: Watch | None) -> Iterator[Path]:
     yield from arrivals(problem, starts, size, watch)
 
 
+def between_places(problem: Problem, places: Array) -> Problem:
+    """Return the problem between `places` (2, n) where its ends lie on surfaces."""
+    given = zip((problem.start, problem.end), places, strict=True)
+    ends = [e if e.on is None else Event(e.t, q) for e, q in given]
+    energy = problem.energy if problem.free_time else None
+    return Problem(problem.system, *ends, parameters=problem.parameters, energy=energy)
+
+
 def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple[Problem, Path]]:
     """Return problems between points on the surfaces, and straight lines, the least action first.
 
@@ -87,7 +96,7 @@ def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple
         if any(np.all(np.abs(pair - q) < APART * size) for *_, q in found):
             continue
         with suppress(ValueError):
-            fixed = problem.between_places(pair)
+            fixed = between_places(problem, pair)
             S, at = _line(fixed, like)
             like = None if problem.free_time else at.tr
             found.append((S, at.path, fixed, pair))

@@ -52,6 +52,7 @@ from actionopt.solver.iterate import (
     coordinate_scales,
     is_at_rest,
 )
+from actionopt.solver.nearest_points import between_places
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine, settle_on
 from actionopt.solver.signals import SIGNALS, status_of
@@ -507,7 +508,7 @@ class Unfixed(Workspace[UnfixedPath]):
 def _by_ipopt(problem: Problem, path: Path, choices: Choices) -> Path:
     """Return what Ipopt makes of a path over its duration and between its ends."""
     there = over(problem.loose, path.mesh.duration)
-    given = there.between_places(path.values.T[[0, -1]])
+    given = between_places(there, path.values.T[[0, -1]])
     return between(given, path, replace(choices, mesh=None), verdict=False)[0].path
 
 
