@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import systems
 from helpers import slow
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline, make_interp_spline
@@ -413,7 +414,7 @@ def test_it_travels():
 
 
 def test_what_is_refused_is_told():
-    first = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    first = systems.particle()
     with pytest.raises(ValueError, match="the motion decides v; leave it out"):
         ao.Problem(first, ao.Event(0, [0], v=[1]), ao.Event(1, [0]))
     with pytest.raises(ValueError, match="expected 1 values of v"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 from actionopt import Event, Problem, State, System, integrate, scenes, solve
 from actionopt.gallery.course.concepts import QUESTIONS
@@ -101,7 +102,7 @@ def fast():
 
 def patch():
     """Return the area of a patch of pendulums after 3 s, in parts of the first."""
-    law = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    law = systems.pendulum()
     corners = [(0.4, 1.2), (0.401, 1.2), (0.4, 1.201)]
     paths = [integrate(law, State(0.0, [q], [p]), 3.0) for q, p in corners]
     at, right, up = (np.array([x(3.0)[0], x.velocity(3.0)[0]]) for x in paths)
@@ -128,7 +129,7 @@ def period():
 
 
 def index():
-    law = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    law = systems.oscillator()
     return solve(Problem(law, Event(0.0, [1.0]), Event(10.0, [0.5]))).morse_index
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import a_quarter, integrated, of_one_leg
 from scipy.optimize import brentq
 
@@ -225,7 +226,7 @@ def test_rays_meet_again_behind_a_mirror(angle):
 
 
 def test_neighbours_through_waypoints_begin_anew():
-    oscillator = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    oscillator = systems.oscillator("x y")
     given = [ao.Event(1.0, [0.3, None]), ao.Event(5.0, [0.1, 0.4])]
     problem = ao.Problem(oscillator, ao.Event(0, [0, 0]), ao.Event(9.0, [0.2, 0.1]), through=given)
     found = ao.solve(problem, tol=1e-10)

@@ -245,7 +245,7 @@ def test_five_points_on_a_circle_lead_to_a_resolved_ellipse():
 @pytest.mark.parametrize("on", [lambda q, t: q[0] - 0.3, lambda q, t: q[0] ** 2 + q[1] ** 2 - 1])
 def test_rests_on_a_line_are_a_family(on, guess):
     # A constant has no rates: the variation along the line shows in no kinetic energy.
-    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    free = systems.particle("x y")
     problem = ao.Problem(free, ao.Event(0.0, None, on=on), ao.Periodic(1.0))
     found = ao.solve(problem, guess=guess, throw=False)
     assert found.status is ao.Status.DEGENERATE and found.inertia.nullity == 1

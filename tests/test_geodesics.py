@@ -95,7 +95,7 @@ def test_a_geodesic_that_is_followed_from_a_nearer_end(principle):
 
 def test_a_nearer_question_ends_after_a_part_of_the_way_or_of_the_time():
     ends = ao.Event(2.0, [1.0]), ao.Event(6.0, [3.0])
-    swing = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    swing = systems.pendulum("x")
     part = _nearer(ao.Problem(swing, *ends), 0.25)
     assert (part.start, part.end.t, part.end.q) == (ends[0], 3.0, (3.0,))
     line = ao.System.geodesic(lambda q, v: np.sqrt(v @ v) / q[0], ["x"])

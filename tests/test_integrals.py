@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+import systems
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipk, mathieu_a, mathieu_b
@@ -14,7 +15,7 @@ import actionopt as ao
 from actionopt.mechanics.consistency import check_integrals
 from actionopt.solver.waves import first_waves
 
-STRAIGHT = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], integral=lambda q, v, t: q[0])
+STRAIGHT = systems.particle(integral=lambda q, v, t: q[0])
 ROPE = ao.System(
     lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2),
     ["y"],
@@ -49,11 +50,7 @@ def test_a_rope_hangs_as_a_catenary(length):
 
 def test_dido_ends_at_right_angles_to_the_shore():
     """The largest area between a line and a string: as S = length^2 / 2 at the area one."""
-    string = ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y"],
-        integral=lambda q, v, t: (q[1] * v[0] - q[0] * v[1]) / 2,
-    )
+    string = systems.particle("x y", integral=lambda q, v, t: (q[1] * v[0] - q[0] * v[1]) / 2)
     shore = ao.Event(1, None, on=lambda q, t: q[1])
     found = ao.solve(ao.Problem(string, ao.Event(0, [0, 0]), shore, integral=1.0), tol=1e-10)
     assert found.action == pytest.approx(np.pi, abs=1e-9)  # half a circle of radius sqrt(2 / pi)
@@ -104,11 +101,7 @@ def test_several_integrals_and_a_waypoint(seed):
     """x'' = kappa.(1, cos 2t) on both legs: linear equations."""
     random = np.random.default_rng(seed)
     ends, middle, values = random.normal(size=2), random.normal(), random.normal(size=2)
-    system = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2,
-        ["x"],
-        integral=lambda q, v, t: [q[0], q[0] * np.cos(2 * t)],
-    )
+    system = systems.particle(integral=lambda q, v, t: [q[0], q[0] * np.cos(2 * t)])
     problem = ao.Problem(
         system,
         ao.Event(0, [ends[0]]),
@@ -174,9 +167,7 @@ def test_values_that_no_path_has_are_refused():
     short = ao.Problem(ROPE, ao.Event(0, [1]), ao.Event(1, [3]), integral=2.0)
     with pytest.raises(ValueError, match=r"no such path: the least is 2.23606798"):
         ao.solve(short)
-    area = ao.System(
-        lambda q, v, t: v @ v / 2, ["x", "y"], integral=lambda q, v, t: -np.sqrt(1 + v @ v)
-    )
+    area = systems.particle("x y", integral=lambda q, v, t: -np.sqrt(1 + v @ v))
     ends = ao.Event(0, [0, 0]), ao.Event(1, [3, 4])
     with pytest.raises(ValueError, match=r"found -2 and no such path: the largest is -5.0990"):
         ao.solve(ao.Problem(area, *ends, integral=-2))
@@ -193,7 +184,7 @@ def test_a_value_below_that_of_a_line_is_not_refused_where_the_integrand_bends_b
 @pytest.mark.parametrize(
     ("system", "more", "message"),
     [
-        (ao.System(lambda q, v, t: v @ v / 2, ["x"]), {"integral": 1}, "integral=g"),
+        (systems.particle(), {"integral": 1}, "integral=g"),
         (STRAIGHT, {"integral": [1, 2]}, "expected 1 finite values"),
         (STRAIGHT, {"integral": np.nan}, "expected 1 finite values"),
         (STRAIGHT, {"integral": "long"}, "values of the integrals"),
@@ -222,11 +213,7 @@ def test_what_integrals_do_not_go_with_is_refused():
 )
 def test_a_rod_that_winds_once_is_found_from_its_shape(kappa, p, action, index):
     """Two shapes of an elastica between clamps, all but the same, from motions made otherwise."""
-    rod = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2,
-        ["angle"],
-        integral=lambda q, v, t: [np.cos(q[0]), np.sin(q[0])],
-    )
+    rod = systems.particle("angle", integral=lambda q, v, t: [np.cos(q[0]), np.sin(q[0])])
     problem = ao.Problem(rod, ao.Event(0, [0.5]), ao.Event(1, [-1]), integral=[0.6, 0.3])
 
     def bend(t, y):
@@ -258,7 +245,7 @@ def test_a_soap_film_that_is_a_cylinder():
 def test_conjugate_points_and_modes_of_a_state(k):
     """Neighbours of sin wt: A sin wt + B t cos wt, of which int eta sin wt dt = 0."""
     w = k * np.pi
-    string = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["y"], integral=lambda q, v, t: q[0] ** 2)
+    string = systems.particle("y", integral=lambda q, v, t: q[0] ** 2)
     problem = ao.Problem(string, ao.Event(0, [0.0]), ao.Event(1, [0.0]), integral=1)
     path = ao.solve(problem, guess=lambda t: [np.sqrt(2) * np.sin(w * t)], tol=1e-11)
 
@@ -304,11 +291,7 @@ def test_states_on_a_ring():
 
 def test_the_closed_curve_round_a_given_area():
     """A circle, anywhere in the plane: int v^2 / 2 = 2 pi area in the time 1."""
-    system = ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y"],
-        integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2,
-    )
+    system = systems.particle("x y", integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2)
     problem = ao.Problem(system, ao.Event(0, [0.0, 0.0]), ao.Periodic(1.0), integral=1.5)
     path = ao.solve(problem)
     assert path.action == pytest.approx(3 * np.pi, rel=1e-12)
@@ -342,9 +325,7 @@ def test_a_closed_rod_is_a_circle_and_turns_freely():
 
 def test_a_period_that_is_found_with_an_integral():
     """x = A sin wt, with A^2 w^2 / 2 = E and int x^2 dt = pi A^2 / w: w^3 = 2 pi E / J."""
-    system = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"], integral=lambda q, v, t: q[0] ** 2
-    )
+    system = systems.oscillator(integral=lambda q, v, t: q[0] ** 2)
     problem = ao.Problem(system, ao.Event(0, [0.0]), ao.Periodic(None), energy=0.8, integral=2.5)
     turn = ao.Path.interpolate(lambda t: [np.sin(t)], ao.Mesh.uniform(0, 2 * np.pi, 4, 8))
     path = ao.solve(problem, guess=turn)
@@ -357,11 +338,8 @@ def test_an_integral_on_a_circle_is_that_of_its_angle(mean):
     angle = ao.System(
         lambda q, v, t: v[0] ** 2 / 2 - np.sin(q[0]), ["a"], integral=lambda q, v, t: np.cos(q[0])
     )
-    plane = ao.System(
-        lambda q, v, t: v @ v / 2 - q[1],
-        ["x", "y"],
-        constraint=lambda q, t: (q @ q - 1) / 2,
-        integral=lambda q, v, t: q[0],
+    plane = systems.thrown(
+        g=1.0, constraint=lambda q, t: (q @ q - 1) / 2, integral=lambda q, v, t: q[0]
     )
     T, ends = 2.5, (-1.2, 0.4)
     known = ao.solve(
@@ -383,12 +361,7 @@ def test_an_integral_on_a_circle_is_that_of_its_angle(mean):
 @pytest.mark.long
 def test_an_integral_of_a_dragged_path():
     """x'' + x' = kappa: x = kappa t + c (1 - exp -t)."""
-    system = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2,
-        ["x"],
-        force=lambda q, v, t: -v,
-        integral=lambda q, v, t: q[0],
-    )
+    system = systems.particle(force=lambda q, v, t: -v, integral=lambda q, v, t: q[0])
     path = ao.solve(
         ao.Problem(system, ao.Event(0, [0.0]), ao.Event(2, [1.0]), integral=3.0), tol=1e-11
     )

@@ -89,7 +89,7 @@ def test_no_path_is_found_where_there_is_none(side, miss):
 @pytest.mark.parametrize("off", [1e-4, pytest.param(-1e-4, marks=pytest.mark.slow)])
 def test_a_path_of_a_family_is_polished_with_its_duration(off):
     """All motions of an isotropic oscillator close in 2 pi, and none in the times beside."""
-    system = System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    system = systems.oscillator("x y")
     asked = Problem(system, Event(0.0, None), ao.Periodic(None), energy=1.0)
     mesh = Mesh.uniform(0.0, 2 * np.pi + off, 8, 4)
     s = mesh.nodes * 2 * np.pi / mesh.duration

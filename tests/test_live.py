@@ -10,6 +10,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+import systems
 from helpers import a_quarter, of_every_scene, of_one_leg, solved
 
 import actionopt as ao
@@ -267,7 +268,7 @@ def test_bad_questions_are_refused(folder):
 
 
 HILLS = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (1 - q[0] ** 2) ** 2 / 4, ["x"])
-FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+FREE = systems.particle("x y")
 FOUND = {  # questions whose ends are to be found, and what is said of that
     "closes": (
         ao.Problem(DOUBLE_WELL, ao.Event(0, [None]), ao.Periodic(8.0)),

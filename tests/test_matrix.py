@@ -464,12 +464,7 @@ def _():
 @solves("infinite time", "constraint", "force")
 def _():
     """The same with drag, beside that of its angle in one coordinate."""
-    bound = ao.System(
-        lambda q, v, t: v @ v / 2 - q[1],
-        ["x", "y"],
-        constraint=lambda q, t: q @ q - 1,
-        force=lambda q, v, t: -v / 2,
-    )
+    bound = systems.thrown(g=1.0, constraint=lambda q, t: q @ q - 1, force=lambda q, v, t: -v / 2)
     angle = ao.System(lambda q, v, t: v @ v / 2 - np.cos(q[0]), ["a"], force=lambda q, v, t: -v / 2)
     sol = ao.solve(ask(bound, [1, 0], [0, 1], INF))
     known = ao.solve(ask(angle, [np.pi / 2], [0], INF))

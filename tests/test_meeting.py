@@ -120,7 +120,7 @@ def test_what_hits_the_end_is_a_motion_to_there():
 def test_velocities_about_the_straight_line_reach_what_the_force_asks_for():
     # A fall by g T^2 / 2 and back: the velocity is that of the line and g T / 2 more.
     g, T = 10.0, 2.0
-    fall = System(lambda q, v, t: v @ v / 2 - g * q[1], ["x", "y"])
+    fall = systems.thrown(g=g)
     problem = Problem(fall, Event(0.0, [0.0, 0.0]), Event(T, [6.0, 0.0]))
     v = about(problem, 400, np.random.default_rng(0))
     assert v.shape == (2, 400)

@@ -459,7 +459,7 @@ def test_bad_questions():
         ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(np.inf, [0.0]))
     with pytest.raises(ValueError, match="start event outside of the obstacle"):
         ao.Problem(string(), ao.Event(0, [-1.0]), ao.Event(None, [0.5]))
-    rising = ao.System(lambda q, v, t: v @ v / 2, ["h"], obstacle=lambda q, t: q[0] - t)
+    rising = systems.particle("h", obstacle=lambda q, t: q[0] - t)
     with pytest.raises(ValueError, match="start event outside of the obstacle"):
         ao.Problem(rising, ao.Event(0, [-1.0]), ao.Event(None, [9.0]), energy=1.0)
     with pytest.raises(ValueError, match=r"event 0 of through .* = -0\.1 at q = \("):
@@ -488,11 +488,8 @@ def test_the_action_changes_with_ends_of_a_path_in_contact():
 
 def beside_a_disc(radius):
     """Return a free body in the plane, outside of a disc of the radius r."""
-    return ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y"],
-        parameters={"r": radius},
-        obstacle=lambda q, t, *, r: q @ q - r**2,
+    return systems.particle(
+        "x y", parameters={"r": radius}, obstacle=lambda q, t, *, r: q @ q - r**2
     )
 
 
@@ -607,9 +604,8 @@ def test_ropes_that_grow_come_to_lie_on_the_floor():
 def test_a_loop_round_a_given_area_may_be_shifted_along_a_strip():
     """Two half circles and the walls between them; where along these tells nothing."""
     h, area = 0.4, 1.0
-    strip = ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y"],
+    strip = systems.particle(
+        "x y",
         obstacle=lambda q, t: [h - q[1], h + q[1]],
         integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2,
     )
@@ -748,9 +744,8 @@ def test_a_string_held_on_a_disc():
 
 def test_a_curve_round_a_given_area_in_a_box():
     """A square whose corners are rounded by quarters of circles."""
-    box = ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y"],
+    box = systems.particle(
+        "x y",
         obstacle=lambda q, t: [1 - q[0], 1 + q[0], 1 - q[1], 1 + q[1]],
         integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2,
     )
@@ -872,7 +867,7 @@ def test_no_path_goes_through_a_peg_unseen():
 def test_from_a_point_on_a_small_disc():
     """Between this point, where f is zero, and the next sample the straight line is inside."""
     radius, end = 0.01, np.array([3.8, -3.79])
-    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1e-4)
+    system = systems.particle("x y", obstacle=lambda q, t: q @ q - 1e-4)
     path = ao.solve(ao.Problem(system, ao.Event(0.0, end), ao.Event(1.0, [0.0, radius])))
     turn = np.arctan2(*end) - np.arccos(radius / np.hypot(*end))  # on the disc, to the top
     length = np.sqrt(end @ end - radius**2) + radius * turn
@@ -1027,9 +1022,7 @@ def test_a_fall_over_the_edge_of_a_thin_wall():
     """Two parabolas to the edge and from it, at the time at which they take least action."""
     A, B, edge, g, T = np.array([-1.0, 0.2]), np.array([1.2, 0.0]), np.array([0.0, 1.0]), 3.0, 1.0
     wall = thin(0.01)
-    system = ao.System(
-        lambda q, v, t: v @ v / 2 - g * q[1], ["x", "y"], obstacle=lambda q, t: wall(q)
-    )
+    system = systems.thrown(g=g, obstacle=lambda q, t: wall(q))
     sol = ao.solve(ao.Problem(system, ao.Event(0, A), ao.Event(T, B)))
 
     def parabola(a, b, t):
@@ -1137,7 +1130,7 @@ def test_a_belt_that_cannot_begin_on_its_surface(x, guess, why):
 
 
 def test_closed_paths_from_surfaces_along_obstacles_are_refused_in_words():
-    moving = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1 - t)
+    moving = systems.particle("x y", obstacle=lambda q, t: q @ q - 1 - t)
     with pytest.raises(ValueError, match="to have no clock"):
         ao.Problem(moving, ao.Event(0.0, None, on=lambda q, t: q[0]), ao.Periodic(1.0))
     for q, on in (([0.0, None], lambda q, t: q[1] - 1), (None, lambda q, t: [q[0], q[1] - 1])):
@@ -1147,7 +1140,7 @@ def test_closed_paths_from_surfaces_along_obstacles_are_refused_in_words():
 
 def test_a_closed_path_round_one_disc_without_a_guess_is_not_found():
     """Nothing tells which way it should go: it shrinks to a point."""
-    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
+    system = systems.particle("x y", obstacle=lambda q, t: q @ q - 1)
     problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(1.0))
     assert not ao.solve(problem, throw=False).success
 

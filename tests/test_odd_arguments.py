@@ -17,6 +17,7 @@ import matplotlib
 import numpy as np
 import pytest
 import sympy
+import systems
 from matplotlib.animation import Animation
 from scipy.interpolate import CubicSpline
 
@@ -50,7 +51,7 @@ UNFIT = re.compile(
 )
 SECONDS = 10  # one call; what takes longer is ended, and no finding
 
-free = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+free = systems.oscillator()
 plane = ao.System(lambda q, v, t, *, m: m * v @ v / 2, ["x", "y"], parameters={"m": 1.0})
 problem = ao.Problem(free, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
 solution = ao.solve(problem)

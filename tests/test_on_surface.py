@@ -155,7 +155,7 @@ def test_a_free_particle_to_a_moving_wall():
 def test_a_wall_that_runs_away_faster_than_motions_of_the_energy(u):
     """There H - E = u p; in a well, where H is that at the start."""
     E, q0, wall = 0.5, 0.66, 0.1
-    well = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    well = systems.oscillator()
     events = ao.Event(0.0, [q0]), ao.Event(None, None, on=lambda q, t: q[0] - wall - u * t)
     found = ao.solve(ao.Problem(well, *events, energy=E), tol=1e-9)
     v0, T = found.start.v[0], found.duration

@@ -71,10 +71,8 @@ def test_closed_path_on_a_moving_constraint():
         y = l * np.sin(q[0]) * v[0]
         return (x**2 + y**2) / 2 + g * l * np.cos(q[0])
 
-    rod = ao.System(
-        lambda q, v, t: v @ v / 2 - g * q[1],
-        ["x", "y"],
-        constraint=lambda q, t: (q[0] - A * np.cos(w * t)) ** 2 + q[1] ** 2 - l**2,
+    rod = systems.thrown(
+        g=g, constraint=lambda q, t: (q[0] - A * np.cos(w * t)) ** 2 + q[1] ** 2 - l**2
     )
     free = ao.solve(
         ao.Problem(ao.System(angle, ["a"]), ao.Event(0.0, [None]), Periodic(T)),
@@ -480,7 +478,7 @@ MEMBERS = {
         2 * np.pi / 1.2,
     ),
     "isotropic": (
-        ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"]),
+        systems.oscillator("x y"),
         lambda t: [0.7 * np.cos(t) - 0.4 * np.sin(t), 0.2 * np.cos(t + 1)],
         2 * np.pi,
     ),
@@ -490,7 +488,7 @@ MEMBERS = {
         2 * np.pi,
     ),
     "Kepler": (
-        ao.System(lambda q, v, t: (v @ v) / 2 + 1 / np.sqrt(q @ q), ["x", "y"]),
+        systems.kepler(),
         lambda t: list(_ellipse(t)),
         2 * np.pi,
     ),

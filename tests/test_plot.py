@@ -6,6 +6,7 @@ import weakref
 import matplotlib
 import numpy as np
 import pytest
+import systems
 from helpers import solved
 from matplotlib import pyplot
 
@@ -174,7 +175,7 @@ def test_what_is_asked_twice_is_computed_once():
 @pytest.mark.long
 def test_events_between_the_ends_their_surfaces_and_impulses_are_drawn():
     """Two reflections between walls y = 0 and y = 1: arrows up and down."""
-    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    free = systems.particle("x y")
     walls = [ao.Bounce(lambda q, t: q[1]), ao.Bounce(lambda q, t: 1 - q[1])]
     ends = ao.Event(0, [0, 0.5]), ao.Event(1, [4, 0.5])
     solution = ao.solve(ao.Problem(free, *ends, through=walls))
@@ -208,7 +209,7 @@ def test_the_areas_of_a_path_of_given_integral_are_those_of_the_action():
 
 
 def test_a_family_of_reflections_shows_the_wall():
-    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    free = systems.particle("x y")
     wall = ao.Bounce(lambda q, t: 1 - q @ q)
     ends = ao.Event(0, [-0.6, 0.2]), ao.Event(1, [0.8, 0.1])
     problem = ao.Problem(free, *ends, through=[wall])

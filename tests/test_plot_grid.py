@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import solved
 from matplotlib.figure import Figure
 
-from actionopt import Event, Problem, System, plot, solve
+from actionopt import Event, Problem, plot, solve
 from actionopt.plot import _style as style
 
 KINDS = [plot.paths, plot.bundle, plot.fan, plot.spectrum, plot.landscape, plot.energies]
@@ -54,7 +55,7 @@ def test_angular_momentum_is_drawn_where_it_is_conserved():
 
 
 def test_a_simple_system_of_ones_own_has_kinetic_and_potential_energy():
-    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    system = systems.pendulum()
     ax = Figure().subplots()
     plot.energies(solve(Problem(system, Event(0.0, [0.3]), Event(1.0, [0.1]))), ax)
     names = ax.get_legend_handles_labels()[1]

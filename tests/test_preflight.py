@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
@@ -390,7 +391,7 @@ def test_the_event_that_gives_a_coordinate_is_the_one_that_is_named():
     ],
 )
 def test_an_event_where_a_force_is_infinite_is_named(force, where):
-    refused(System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=force), match=where)
+    refused(systems.particle(force=force), match=where)
 
 
 @pytest.mark.long

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.solver.rays import BEST_RAYS, RaySearch
 from actionopt.solver.through import starts
 
-FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+FREE = systems.particle("x y")
 ELLIPSE = ao.Bounce(lambda q, t: 1 - (q[0] / 2) ** 2 - q[1] ** 2)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.mechanics.reflection import leave
@@ -60,7 +61,7 @@ def test_momentum_along_and_energy_are_kept_where_h_is_not_quadratic(bounces):
 
 def test_a_path_that_is_not_reflected_as_the_law_says_is_no_motion():
     """Each leg is a motion of its own, but the place of the reflection is not the right one."""
-    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    free = systems.particle("x y")
     floor = ao.Bounce(lambda q, t: q[1])
     problem = ao.Problem(free, ao.Event(0, [0, 1]), ao.Event(1, [3, 2]), through=[floor])
     found = ao.solve(problem)

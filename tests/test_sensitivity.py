@@ -289,9 +289,7 @@ def test_derivatives_by_events_between_the_ends_are_those_of_the_action(question
 @pytest.mark.long
 def test_a_waypoint_on_a_constraint_moves_along_it():
     """On a circle that grows: the impulse has no part along its normal."""
-    system = ao.System(
-        lambda q, v, t: v @ v / 2 - q[1], ["x", "y"], constraint=lambda q, t: q @ q - 1 - 0.1 * t
-    )
+    system = systems.thrown(g=1.0, constraint=lambda q, t: q @ q - 1 - 0.1 * t)
 
     def point(t, angle):
         return np.sqrt(1 + 0.1 * t) * np.array([np.sin(angle), -np.cos(angle)])
@@ -320,11 +318,8 @@ def test_a_waypoint_on_a_constraint_moves_along_it():
 @pytest.mark.parametrize("where", ["end", "surface", "event"])
 def test_what_an_event_leaves_free_follows_the_constraint(where):
     """On z = c (x + t) from x = 0 to b = u T lines: S = T (u^2 + c^2 (u + 1)^2) / 2."""
-    system = ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y", "z"],
-        parameters={"c": 0.7},
-        constraint=lambda q, t, *, c: q[2] - c * (q[0] + t),
+    system = systems.particle(
+        "x y z", parameters={"c": 0.7}, constraint=lambda q, t, *, c: q[2] - c * (q[0] + t)
     )
     b, T, c = 1.1, 1.3, 0.7
     u = b / T

@@ -127,7 +127,7 @@ def test_a_path_misses_nothing_at_a_surface_that_moves_where_its_time_is_free(k)
 
 @pytest.mark.slow
 def test_a_motion_that_collides_takes_no_steps_from_the_others():
-    kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    kepler = systems.kepler()
     problem = ao.Problem(kepler, ao.Event(0.0, [0.4, 0.0]), ao.Event(9.0, [0.0, 1.0]))
     v0 = np.array([[-2.0, 0.0, 1.2], [0.0, 2.0, 1.6]])
     q0 = np.array([[0.4] * 3, [0.0] * 3])

@@ -522,9 +522,7 @@ def test_kinks_are_not_linear_equations():
 
 
 def test_one_element_with_nothing_free_and_a_constraint():
-    system = System(
-        lambda q, v, t: v @ v / 2 - q[1], ["x", "y"], constraint=lambda q, t: q[1] - q[0]
-    )
+    system = systems.thrown(g=1.0, constraint=lambda q, t: q[1] - q[0])
     problem = Problem(system, Event(0, [0, 0]), Event(1, [1, 1]))
     solution = ao.solve(problem, mesh=ao.Mesh([0.0, 1.0], 1), throw=False)
     assert np.array_equal(solution.path.values, [[0, 1], [0, 1]])

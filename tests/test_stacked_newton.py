@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+import systems
 from scipy.optimize import root
 
 import actionopt as ao
@@ -14,7 +15,7 @@ SLOW = 1.4  # how much denser the lower medium is
 
 def moving(w):
     """Refraction at a plane that rises at the speed w."""
-    upper = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    upper = systems.particle("x y")
     lower = ao.System(lambda q, v, t: SLOW**2 * (v @ v) / 2, ["x", "y"])
     plane = ao.Event(None, None, on=lambda q, t, *, w: q[1] - w * t)
     ends = ao.Event(0, A), ao.Event(T, B)
@@ -76,7 +77,7 @@ def falling(a, b, t):
 
 def test_a_bounce_off_a_slope_with_a_free_time_at_a_given_energy():
     E, a, b = 2.0, np.array([0.0, 1.0]), np.array([1.6, 0.9])
-    ball = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
+    ball = systems.thrown(g=1.0)
     slope = ao.Bounce(lambda q, t: q[1] - 0.2 * q[0] + 0.1)
     ends = ao.Event(0, a), ao.Event(None, b)
     found = ao.solve(ao.Problem(ball, *ends, through=[slope], energy=E), tol=1e-11)

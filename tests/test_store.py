@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
@@ -177,7 +178,7 @@ def test_free_ends_and_arrays_of_parameters_come_back(tmp_path):
 
 def _through():
     """A ball off a moving floor of given slope, a time to be found; and refraction."""
-    ball = System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
+    ball = systems.thrown(g=1.0)
     floor = ao.Bounce(lambda q, t, *, slope: q[1] - slope * q[0] - 0.1 * t)
     ends = Event(0, [0, 1]), Event(2, [1, 0.7])
     yield Problem(ball, *ends, through=[floor], parameters={"slope": 0.1}), ball

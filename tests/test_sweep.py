@@ -706,7 +706,7 @@ def test_a_sweep_out_of_time_says_how_to_go_on():
 @pytest.mark.long
 def test_a_sweep_moves_waypoints_and_the_law_of_a_leg():
     """Slopes are those of the action, and members solutions of their own."""
-    air = System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    air = systems.particle("x y")
     glass = System(lambda q, v, t, *, n: n**2 * (v @ v) / 2, ["x", "y"], parameters={"n": 1.5})
     surface = Event(None, [None, 0.0])
     media: Any = [air, glass]

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import systems
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -16,8 +17,8 @@ from actionopt.discrete.borders import over
 from actionopt.discrete.factors import full
 from actionopt.plot import fan_data, fronts_data, spectrum_data
 
-FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
-OSCILLATOR = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+FREE = systems.particle("x y")
+OSCILLATOR = systems.oscillator()
 
 
 def oscillation(a, b, T):
@@ -53,7 +54,7 @@ def test_the_path_of_an_oscillator_through_waypoints_is_the_only_one():
 
 @pytest.mark.slow
 def test_all_paths_through_a_waypoint_are_those_of_the_legs():
-    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    pendulum = systems.pendulum("x")
     events = ao.Event(0, [0.1]), ao.Event(4.5, [-0.2]), ao.Event(5.5, [0.3])
     few: dict[str, Any] = {"windings": 0, "starts": 3, "continuations": 0}
     legs = [ao.solve_all(ao.Problem(pendulum, *ends), **few) for ends in pairwise(events)]
@@ -145,7 +146,7 @@ def test_closed_orbits_of_an_ellipse_are_a_family(long):
 @pytest.mark.parametrize("x", [0.1 + 0.2 - 0.3, 1e-20])
 def test_a_coordinate_that_is_round_off_does_not_spoil_the_index(x, tmp_path):
     """A ball above a flat floor, and above a bowl, the sides of which it could use."""
-    ball = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
+    ball = systems.thrown(g=1.0)
     ends = ao.Event(0, [x, 1.0]), ao.Event(2, [None, 0.5])
     for steep, index in ((0.0, 0), (1.0, 1)):
         floor = ao.Bounce(lambda q, t, steep=steep: q[1] - steep * q[0] ** 2)
@@ -223,7 +224,7 @@ def test_what_passes_through_a_wall_is_no_bounce():
 
 @pytest.mark.long
 def test_a_step_that_is_too_high_is_not_passed():
-    plain = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    plain = systems.particle("x y")
     high = ao.System(lambda q, v, t: v @ v / 2 - 1.5, ["x", "y"])
     step = [ao.Event(None, None, on=lambda q, t: q[0])]
     ends = ao.Event(0, [-1, 1]), ao.Event(None, [1, -0.5])
@@ -475,7 +476,7 @@ def test_where_a_closed_path_begins_is_said_once(start, events, says):
 
 def test_a_closed_path_that_returns_in_a_kink_is_none():
     """Up from y = 0.4 to the floor and back: y returns, with the momentum reversed."""
-    fall = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
+    fall = systems.thrown(g=1.0)
     bowl = ao.Bounce(lambda q, t: q[1] - 0.2 * q[0] ** 2)
     problem = ao.Problem(
         fall, ao.Event(0, [None, 0.4]), ao.Periodic(None), through=[bowl], energy=0.5
@@ -518,7 +519,7 @@ def test_a_pendulum_in_x_and_y_passes_what_the_angle_does(T):
         return [np.sin(angle), -np.cos(angle)]
 
     swing = ao.System(lambda q, v, t: v @ v / 2 + np.cos(q[0]), ["angle"])
-    rod = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    rod = systems.thrown(g=1.0, constraint=lambda q, t: q @ q - 1)
     moving = ao.Event(None, None, on=lambda q, t: q[0] - 1 - 0.1 * t)
     same = ao.Event(
         None,
@@ -538,7 +539,7 @@ def test_a_pendulum_in_x_and_y_passes_what_the_angle_does(T):
 
 
 def test_a_waypoint_off_the_constraints_is_refused():
-    rod = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    rod = systems.particle("x y", constraint=lambda q, t: q @ q - 1)
     ends = ao.Event(0, [1, 0]), ao.Event(1, [0, 1])
     with pytest.raises(ValueError, match="expected event 0 of through on the constraint"):
         ao.Problem(rod, *ends, through=[ao.Event(None, [0.5, 0.5])])
@@ -546,7 +547,7 @@ def test_a_waypoint_off_the_constraints_is_refused():
 
 def test_what_does_not_belong_at_an_end_is_refused():
     wall = ao.Bounce(lambda q, t: 1 - q[0])
-    free = ao.System(lambda q, v, t: v @ v / 2, ["x"])
+    free = systems.particle()
     for ends, where in (
         ((ao.Event(0, [0.0]), wall), "through="),
         ((wall, ao.Event(1, [0.0])), "through="),

@@ -100,7 +100,7 @@ def test_coordinate_of_an_event_moves(which, name, to):
 
 
 def test_the_start_of_a_closed_path_moves_with_its_end():
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    system = systems.particle()
     known = {"q0": np.array([-2.0]), "q1": np.array([3.0])}
     ends = {ao.Event(1.0, [0.0]): -2.0, ao.Periodic(1.0): 1.0}
     for end, wanted in ends.items():
@@ -364,7 +364,7 @@ def test_a_branch_ends_where_its_paths_come_to_cross_a_jump(step):
 
 # -- through events, and with given integrals ------------------------------------------------------
 
-FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+FREE = systems.particle("x y")
 
 
 @pytest.mark.slow
@@ -505,7 +505,7 @@ def test_where_the_cubic_of_a_step_turns(slope, turns, hides):
 
 def test_a_trace_ends_where_there_is_no_further_question():
     """The end x = s of a free particle on the line x = y is off it, and refused, beyond s = 1."""
-    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q[0] - q[1])
+    system = systems.particle("x y", constraint=lambda q, t: q[0] - q[1])
 
     def family(s):
         return ao.Problem(system, ao.Event(0, [0.0, 0.0]), ao.Event(1, [s, min(s, 1.0)]))

@@ -104,7 +104,7 @@ def test_the_path_told_degenerate_is_the_one_that_was_found():
 def test_the_transfer_of_least_energy_is_returned():
     # Lagrange: the ellipse of least energy has 4 a = r1 + r2 + chord, and t is known to half the
     # digits at most, as two ellipses merge there.
-    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    system = systems.kepler()
     end = 1.407 * np.array([np.cos(1.037), np.sin(1.037)])
     chord = np.hypot(*(end - [1.0, 0.0]))
     half = (2.407 + chord) / 2
@@ -119,7 +119,7 @@ def test_the_transfer_of_least_energy_is_returned():
 @pytest.mark.long
 def test_no_lowest_energy_is_claimed_where_lower_ones_were_lost():
     # Half an ellipse of Kepler's of least energy, -1/3; the first path found passes its centre.
-    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    system = systems.kepler()
     problem = ao.Problem(system, ao.Event(0.0, [1, 0]), ao.Event(None, [-2, 0]), energy=-1 / 3)
     first = FirstPaths(problem, 1e-8)
     assert list(first.near())
@@ -192,9 +192,7 @@ def test_an_energy_below_the_potential_at_an_end_is_no_search():
 
 def test_a_coordinate_of_round_off_needs_no_duration_to_be_told_from_one_of_another_unit():
     """Once round a great circle ends at sin(2 pi), -2.4e-16, and takes 2 pi / sqrt(2 E)."""
-    sphere = ao.System(
-        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: q @ q - 1
-    )
+    sphere = systems.particle("x y z", constraint=lambda q, t: q @ q - 1)
     end = ao.Event(None, [np.cos(2 * np.pi), np.sin(2 * np.pi), 1e-16])
     problem = ao.Problem(sphere, ao.Event(0, [1.0, 0.0, 0.0]), end, energy=2.0)
     assert problem.scales == pytest.approx([1, 1, 1])
@@ -723,9 +721,7 @@ def test_a_neighbour_that_passes_the_new_end_nowhere_is_a_guess_as_well():
 
 def sphere(start, energy=0.5):
     """Return from where to the opposite point of a unit sphere."""
-    system = ao.System(
-        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: q @ q - 1
-    )
+    system = systems.particle("x y z", constraint=lambda q, t: q @ q - 1)
     return ao.Problem(system, free(0.0, start), free(None, -np.array(start)), energy=energy)
 
 
