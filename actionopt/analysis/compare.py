@@ -305,7 +305,7 @@ class _Inside:
 
     @classmethod
     def of(cls, whole: Claim, out: tuple[bool, bool]) -> _Inside:
-        """Return what is inside of a solution, the ends left out that are `out`."""
+        """Return the claim of a solution but for half an element at each end that is `out`."""
         mesh, b = whole.mesh, whole.mesh.boundaries.copy()
         for end, beside in ((0, 1), (-1, -2)):
             if out[end]:
@@ -504,7 +504,7 @@ class _Parts:
         return np.concatenate(times), np.concatenate(tables, axis=1)
 
     def several(self, states: list[State], ends: list[float]) -> list[tuple[Array, Array] | None]:
-        """Return the same of many motions that stop nowhere; None for what is to be asked alone."""
+        """Return times and q (n, K) of many motions; None for one that has to stop on its way."""
         through = [
             not any(state.t <= stop[0] and stop[1] < end for stop in self.stops)
             for state, end in zip(states, ends, strict=True)

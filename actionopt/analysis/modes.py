@@ -123,7 +123,7 @@ def second_variation(
 
 
 def _on_full_forms(solution: Solution, count: int, units: Array) -> SecondVariation:
-    """Return the same where L contains accelerations, or for integrals and events at given times.
+    """Return the lowest modes where L contains accelerations, or through events, by full matrices.
 
     Elements are halved until the eigenvalues stay what they are.
     """
@@ -154,7 +154,7 @@ def assemble_if_large(first: DiscretePath, error: float, resolution: float) -> A
 
 
 def sign_of(at: DiscretePath, error: float, resolution: float, k: int) -> float:
-    """Return what has the sign of the k-th lowest eigenvalue of d2S: as a rule, itself.
+    """Return a number with the sign of the k-th lowest eigenvalue of d2S: as a rule, itself.
 
     Where very many are lower their number tells, of one matrix: half of one more, or less, than k.
     """
@@ -236,7 +236,7 @@ class _Operator(Protocol):
         ...
 
     def solver(self, shift: float) -> Callable[[Array], Array] | None:
-        """Return what solves with the matrix less `shift`; None if that lowers something."""
+        """Return what solves with the matrix less `shift`; None if that lowers a variation."""
         ...
 
 
@@ -251,7 +251,7 @@ class _Matrix:
         return np.asarray(self.matrix @ ca.DM(block))
 
     def solver(self, shift: float) -> Callable[[Array], Array] | None:
-        """Return what solves with the matrix less `shift`; None if that lowers something."""
+        """Return what solves with the matrix less `shift`; None if that lowers a variation."""
         factors = ca.ldl(self.matrix - shift * self.unit)
         if (factors[0].full() < 0).any():
             return None
@@ -299,7 +299,7 @@ class _Assembled:
         return scale * np.stack(found, axis=1)
 
     def solver(self, shift: float) -> Callable[[Array], Array] | None:
-        """Return what solves with the matrix less `shift`; None if that lowers something."""
+        """Return what solves with the matrix less `shift`; None if that lowers a variation."""
         layout, root = self.form.at.tr.layout, np.sqrt(self.masses)[:, None]
         factors = self.form.shifted(shift * self.masses)
         if factors.negative() > layout.rows:

@@ -85,7 +85,7 @@ def derivatives(at: DiscretePath) -> list[Array]:
 
 
 def _in_elements(at: DiscretePath) -> list[Array]:
-    """Return the same in each element, (evaluations, n) each."""
+    """Return q and its derivatives as each element has them at its nodes, (evaluations, n) each."""
     tr, layout, r = at.tr, at.tr.layout, at.tr.order
     place, motion = tr.place(at.x), held_motion_of(at.problem.system)
     known = np.split(np.concatenate([place.at, place.v], axis=1), r + 1, axis=1)
@@ -125,7 +125,7 @@ def _power(t: Array, k: int) -> Array:
 
 
 def multipliers(at: DiscretePath) -> Path:
-    """Return those of the motion along a path, (m, K) at nodes: L + lam.f is stationary freely."""
+    """Return the multipliers lam (m, K) at the nodes of the motion, as L + lam.f has them."""
     known, system = derivatives(at), at.problem.system
     Y, W = (np.hstack(known[k::2]) for k in (0, 1))
     lam = held_motion_of(system)(Y, W, at.mesh.nodes[:, None], at.problem.packed)[1]
@@ -240,8 +240,8 @@ def _roughness(at: DiscretePath) -> float:
 def compare_motion(at: DiscretePath, error: float) -> Comparison:
     """Compare a path without events between its ends with forward integrations.
 
-    `error` is that of the path; the reference is of its coordinates alone. The momenta with which
-    it begins are as good as those at its end are, which integration has led there.
+    `error` is that of the path; the reference is of its coordinates alone. Its initial momenta are
+    taken to be as accurate as those at its end, to which integration has led.
     """
     units = at.tr.place_units
     p = momenta(at).values.T * units

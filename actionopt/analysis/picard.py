@@ -198,7 +198,7 @@ def _points(tolerance: float) -> int:
 
 
 def _near(curve: Curve, start: Array, span: Array, rule: _Rule, units: FlowUnits) -> Array:
-    """Return scaled q and v (P, 2 n, k + 1) of the curve where panels begin, and within."""
+    """Return scaled q and v (P, 2 n, k + 1) of the curve at each panel's start and points."""
     t = start[:, None] + span[:, None] * np.append(0.0, rule.points)
     at = np.clip(t, *np.sort([start, start + span], axis=0)[:, :, None]).ravel()
     both = curve(at) / units.q[:, None], curve.velocity(at) / units.v[:, None]
@@ -206,7 +206,7 @@ def _near(curve: Curve, start: Array, span: Array, rule: _Rule, units: FlowUnits
 
 
 def _shifted(x: Array, here: Array, turn: Array, since: Array) -> Array:
-    """Return those (P, 2 n, k) at the points when the motion goes beside the curve."""
+    """Return q and v (P, 2 n, k) at the points, moved to a motion that begins beside the curve."""
     off, n = here - x[:, :, :1], here.shape[1] // 2
     x = x[:, :, 1:] + off
     x[:, :n] += turn * off[:, n:] * since
@@ -225,8 +225,8 @@ def _settle(
     """Return the rates of v (P, n, k) on P panels, and which of them (P,) are settled.
 
     From scaled q and v (P, 2 n, k) there and where they begin, (P, 2 n, 1). `when` is the scaled
-    time at which each begins, and how long it lasts; `turn` what the unit of v makes of that of q;
-    `enough` what may be left.
+    time at which each begins, and how long it lasts; `turn` is the unit of v over that of q, and
+    `enough` the largest change that counts as settled.
     """
     at, h = when
     parts, n, k = len(x), start.shape[1] // 2, rule.points.size

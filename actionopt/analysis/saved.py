@@ -84,7 +84,7 @@ def save(
 def asked_of(problem: Problem | Detached) -> dict[str, Any]:
     """Return which times were to be found, at which energy, and which events lay on surfaces.
 
-    For events on surfaces that is the law, what they give, and whether they are reflections.
+    An event on a surface is kept as its law, what it gives, and whether it is a reflection.
     """
     asked = problem.asked
     if isinstance(asked, dict):
@@ -101,7 +101,7 @@ def asked_of(problem: Problem | Detached) -> dict[str, Any]:
 
 
 def _tail(event: Event) -> list[Any] | None:
-    """Return what is kept of an end beyond which the path comes from rest or tends to it."""
+    """Return the numbers to keep of an end beyond which the path comes from rest or tends to it."""
     return [event.near, event.side, event.phase] if event.side else None
 
 

@@ -86,7 +86,7 @@ class Sensitivity:
     __repr__ = one_line
 
     def where(self, first: Array, last: Array) -> Sensitivity:
-        """Return the same with the second derivatives by some coordinates of the ends, (n,) each.
+        """Return a copy with second derivatives by the coordinates that are true alone, (n,) each.
 
         NaN in place of the others.
         """
@@ -352,7 +352,7 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
 
 
 def _planes_of_rates(at: DiscretePath) -> list[Array]:
-    """Return what constraints leave of coordinates and rates at both ends, columns (n r, k)."""
+    """Return bases (n r, k) of the changes of q and its rates that constraints allow at ends."""
     system, found = at.problem.system, []
     for k, t in ((0, at.mesh.boundaries[0]), (-1, at.mesh.boundaries[-1])):
         y = np.concatenate([at.Q[k], *(x[k] for x in at.rates[: system.order - 1])])

@@ -167,7 +167,7 @@ class Flight(NamedTuple):
     v: Array
 
     def path(self, start: float, end: float) -> Path:
-        """Return it up to a time, on elements of three steps each."""
+        """Return the motion up to a time as a path, on elements of three steps each."""
         inside = self.times - start < (end - start) * (1 - 1e-9)
         since = np.append((self.times[inside] - start)[::3], end - start)
         return Path.interpolate(hermite(*self), Mesh.over(start, end, since, GUESS_DEGREE))

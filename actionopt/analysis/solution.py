@@ -392,7 +392,7 @@ class Solution:
         return self._pointwise("energy", t)
 
     def derivatives(self, t: ArrayLike) -> Array:
-        """Return what tells how a motion goes on, (2, n, *t.shape): q and v.
+        """Return the state from which a motion goes on, (2, n, *t.shape): q and v.
 
         Where L contains accelerations (4, n, *t.shape), q, v, a and j, and so on: those that its
         momenta tell, by these.
@@ -407,7 +407,7 @@ class Solution:
     def _along_legs(
         self, curve: Callable[[DiscretePath], Callable[[Array], Array]], t: ArrayLike
     ) -> Array:
-        """Return what is continuous between events at times t, (..., *t.shape)."""
+        """Return a curve that is made for each leg between events, at times t, (..., *t.shape)."""
         times = numbers(t, "the times")
         flat, parts = times.ravel(), self.parts
         begins = np.array([part.mesh.boundaries[0] for part in parts[1:]])

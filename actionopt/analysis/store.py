@@ -146,7 +146,7 @@ def _read(file: FilePath) -> Solution:
 
 
 def _unknowns(z: Array, units: dict[str, Any]) -> Unknowns:
-    """Return what `save` kept of a path whose Lagrangian contains accelerations.
+    """Return the unknowns that `save` kept of a path whose Lagrangian contains accelerations.
 
     Raises ValueError for numbers that are not finite, and units that are not positive.
     """
@@ -259,7 +259,7 @@ def _check_physics(fresh: Solution, found: Solution) -> None:
 
 
 def _ends(path: Path, velocities: Array, momenta: Array, unknowns: Unknowns | None) -> Ends:
-    """Return what a solution would derive from its system: that is in the file as well.
+    """Return states and momenta at the ends from the file: a solution derives them from its system.
 
     Raises ValueError if the velocities are not two finite rows (n,).
     """

@@ -238,7 +238,7 @@ class Action:
         return other
 
     def with_ends(self, ends: Array) -> Self:
-        """Return the same with other coordinates (2, n) at the first and the last node.
+        """Return the action with other coordinates (2, n) at the first and the last node.
 
         The problem, whose events they need not be, stays the same.
         """
@@ -273,7 +273,7 @@ class Action:
         return unit, np.tile(np.where(sizes > 0, sizes, 1.0), self.order)
 
     def _row_weights(self) -> Array:
-        """Return what rows are measured by besides, (K, order): int phi^2, in units of the places.
+        """Return weights of the rows, (K, order): int phi^2, in units of the places.
 
         So gradients of rows are as large as the second derivatives of S by what is in an element,
         (h / 2)^(1 - 2 r), and signs of eigenvalues stay out of round-off.
@@ -290,7 +290,7 @@ class Action:
         return found * self.rate ** np.arange(self.order)
 
     def with_row_units(self, row_units: Array) -> Self:
-        """Return the same with other units (m,) of the constraints' rows."""
+        """Return the action with other units (m,) of the constraints' rows."""
         other = copy(self)
         other.row_units = row_units
         ratio = (row_units / self.row_units)[self.layout.row_constraint]
@@ -401,7 +401,7 @@ class Action:
         return self._places(Q, given=True)
 
     def _places(self, Q: Array, *, given: bool = False) -> Array:
-        """Return the same of any functions; what is `given` at events replaces their values."""
+        """Return the places of any functions; values that are `given` at events replace theirs."""
         layout, order = self.layout, self.order
         places = np.zeros((len(Q), order, Q.shape[1]))
         for g, half in zip(layout.groups, self.halves, strict=True):
@@ -518,7 +518,7 @@ class Action:
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def place(self, x: Array) -> Evaluations:
-        """Return what is known for x (unknowns,): the last one is kept."""
+        """Return the evaluations at x (unknowns,); those of the last x are kept."""
         point = self._point
         key = x.tobytes()
         if point is None or point.x != key:
@@ -617,13 +617,13 @@ class Action:
         return (S + self._beyond(self.place(x).Q) if self.nodal else S) / self.action_unit
 
     def action_alone(self, x: Array) -> float:
-        """Return the same without its derivatives, which `action` takes with it for `gradient`."""
+        """Return S in its own unit without its derivatives, which `action` keeps for `gradient`."""
         point = self.place(x)
         S = self._sum(point.at, point.v) if point.values is None else point.values[0]
         return (S + self._beyond(point.Q) if self.nodal else S) / self.action_unit
 
     def gradient_alone(self, x: Array) -> Array:
-        """Return what `gradient` does, without the value that it takes with it for `action`."""
+        """Return dS/dx as `gradient` does, without S, which that keeps for `action`."""
         point = self.place(x)
         if point.values is not None or self.nodal:
             return self.gradient(x)
@@ -641,15 +641,15 @@ class Action:
         return self.free_part(whole)
 
     def summed_gradient(self, x: Array) -> Array:
-        """Return the same without what is said of single nodes (`nodal`)."""
+        """Return dS/dx without the terms of single nodes (`nodal`)."""
         return self.free_part(self._first(x)[1])
 
     def _beyond(self, Q: Array) -> float:
-        """Return what single nodes say of the action, for coordinates Q (K, n)."""
+        """Return the terms of single nodes in the action, for coordinates Q (K, n)."""
         return sum(term.value(Q[term.node]) for term in self.nodal) - self.rest
 
     def _pulls(self, Q: Array) -> list[tuple[Term, Array]]:
-        """Return its derivatives (n,), term by term."""
+        """Return the derivatives (n,) of the terms of single nodes."""
         return [(term, term.gradient(Q[term.node])) for term in self.nodal]
 
     def finite(self, z: Array) -> bool:
@@ -663,7 +663,7 @@ class Action:
         return [parts[g.span].reshape(*g.nodes.shape, n) for g in self.layout.groups]
 
     def parts(self, x: Array) -> Array:
-        """Return the same at the evaluations, (evaluations, n)."""
+        """Return dS/dq (virtual work included) at the evaluations, (evaluations, n)."""
         return self._first(x)[2]
 
     def free_part(self, whole: Array) -> Array:
@@ -803,7 +803,7 @@ class Action:
         return self.x_unit[H.row] * self.x_unit[H.col] / self.action_unit
 
     def memoize_if_constant(self, name: str, made: Callable[[], Any]) -> Any:
-        """Return what `made` makes of the mass matrix: made once, if that is constant."""
+        """Return `made()`, of the mass matrix alone: it is called once if that is constant."""
         if not self.problem.system.structure.constant_mass:
             return made()
         kept = self._kept

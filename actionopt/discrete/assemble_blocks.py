@@ -172,7 +172,7 @@ def _sum_elements(tr: Action, L: Array, group: int, stiffness: list[list[Array]]
 
 
 def _close(tr: Action, elements: list[Array]) -> None:
-    """Measure a closed path's last node in the units of the first one's coordinates that it is."""
+    """Scale a closed path's last node to the units of the first node's coordinates that it is."""
     ratio = tr.place_units[list(tr.layout.closed)] / tr.place_units
     if (ratio == 1.0).all():
         return

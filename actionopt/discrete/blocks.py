@@ -165,12 +165,12 @@ class Blocks:
         return total.ravel()[self.places]
 
     def expand(self, full: Array) -> None:
-        """Let the last node (..., f) of a closed path be where the first one is."""
+        """Set the last node (..., f) of a closed path to the values at the first one."""
         if self.closed.size:
             full[-1, : self.closed.size] = full[0, self.closed]
 
     def _fold(self, full: Array) -> None:
-        """Add to the first node (..., f) of a closed path what is the last one's."""
+        """Add the values at the last node (..., f) of a closed path to those at the first one."""
         if self.closed.size:
             full[0, self.closed] += full[-1, : self.closed.size]
 
@@ -305,7 +305,7 @@ class Condensed:
         self.inverse = np.linalg.inv(self.last) if regular else None
 
     def _fold(self) -> None:
-        """Make one of the last and the first node of a closed path, in the last matrix."""
+        """Identify the last node of a closed path with the first one, in the last matrix."""
         closed, f, matrix = self.blocks.closed, self.blocks.width, self.last
         last = len(matrix) - f + np.flatnonzero(~self.blocks.absent[-1, : closed.size])
         first = closed[last - (len(matrix) - f)]
@@ -314,7 +314,7 @@ class Condensed:
         self.last = matrix[:-f, :-f]
 
     def _carry(self, columns: Array, rows: Array, corner: Array) -> None:
-        """Put beside the last matrix what the border becomes as all other nodes are eliminated."""
+        """Border the last matrix with what eliminating all other nodes leaves of the border."""
         blocks, b = self.blocks, len(corner)
         self.across, C = self._eliminate(blocks.spread(rows.T), rows=True)
         for inner, y in zip(self.inner, self.across, strict=False):
@@ -324,7 +324,7 @@ class Condensed:
         self.last = np.block([[self.last, B], [C.T, corner - self._border_times(self.carried)]])
 
     def _first(self, between: Array) -> Array:
-        """Return what is at the last nodes (s, f, c), that of a closed path's end at its start."""
+        """Return values at the last nodes (s, f, c), a closed path's end added to its start."""
         if not self.blocks.closed.size:
             return between
         between[0, self.blocks.closed] += between[-1, : self.blocks.closed.size]

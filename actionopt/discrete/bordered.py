@@ -118,7 +118,7 @@ class Bordered:
         along: Sequence[Array] = (),
         times: Array | None = None,
     ) -> tuple[Bordered, Array]:
-        """Return the same round a path over some duration, or over `times` of events."""
+        """Return the equations around a path over its own duration, or over `times` of events."""
         tr, path = at.tr, at.path
         borders: list[Border] = [*Rows.of(at)]
         given = times_of(asked)
@@ -135,7 +135,7 @@ class Bordered:
         return found, np.concatenate([at.z, *(border.begin(at) for border in borders)])
 
     def of(self, asked: Problem) -> Bordered:
-        """Return those of another member of a family, in the same unknowns."""
+        """Return the equations of another member of a family, in the same unknowns."""
         borders: list[Border] = []
         for border in self.borders:
             if isinstance(border, PhaseCondition):
@@ -150,7 +150,7 @@ class Bordered:
         return other
 
     def around_another(self, tr: Transcription) -> Bordered:
-        """Return those of the same unknowns round another discrete action of the same shape."""
+        """Return the same borders around another discrete action of the same shape."""
         problem = tr.problem
         other = Bordered(problem.original, tr, self.borders)
         other.reach = self.reach
@@ -162,7 +162,7 @@ class Bordered:
         return sum(border.multipliers for border in self.borders)
 
     def without(self, *kinds: type) -> tuple[Bordered, NDInt]:
-        """Return those without the borders of some kinds, and where their unknowns are in y."""
+        """Return the equations without borders of these kinds, and their unknowns' places in y."""
         pairs = zip(self.borders, self.parts, strict=True)
         kept = [(b, part) for b, part in pairs if not isinstance(b, kinds)]
         other = Bordered(self.problem, self.first, tuple(b for b, _ in kept))
@@ -279,7 +279,7 @@ class Bordered:
         return self.layout.join(*self._derivatives(y))
 
     def hessian(self, y: Array) -> Array:
-        """Return the same, symmetric, where forces along a phase's conditions meet these."""
+        """Return the matrix with C' in place of B, which makes it symmetric."""
         K, _, C, D = self._derivatives(y)
         return self.layout.join(K, C.T, C, D)
 
@@ -328,7 +328,7 @@ class Bordered:
     def _by_times(
         self, at: DiscretePath, y: Array, bend: Bend, of_times: Array, edges: tuple[Array, ...]
     ) -> None:
-        """Make of derivatives by times those by the unknowns of `Times`."""
+        """Turn derivatives by the times of events into those by the unknowns of `Times`."""
         assert self.times_border is not None and bend.path is not None
         (border, part), size, (B, C, D) = self.times_border, len(bend.path), edges
         own = slice(part.start - size, part.stop - size)

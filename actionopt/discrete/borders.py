@@ -217,7 +217,7 @@ class Times:
         return sum(run.stop - run.start - (T is not None) for run, T in self.runs)
 
     def begin(self, at: DiscretePath) -> Array:
-        """Return those of the path at hand, (b,)."""
+        """Return the unknowns of a path, (b,)."""
         times = at.mesh.nodes_since[at.tr.joints]
         ratio, found = np.log(np.diff(times) / self.first), []
         for run, T in self.runs:
@@ -230,7 +230,7 @@ class Times:
         return self._at(beta).times
 
     def _at(self, beta: Array) -> Legs:
-        """Return what belongs to the unknowns beta (b,); it is kept until they change."""
+        """Return the legs for the unknowns beta (b,); they are kept until beta changes."""
         key = beta.tobytes()
         known = self._last.get("legs")
         if known is None or known[0] != key:
@@ -244,7 +244,7 @@ class Times:
         return fixed if fixed.size else np.zeros(1, dtype=int)
 
     def _legs(self, beta: Array) -> Legs:
-        """Return what `_at` keeps, made anew."""
+        """Return the legs for the unknowns beta (b,), computed anew."""
         if self.first.size == 1:  # in short what follows does
             h = self.first * math.exp(min(max(float(beta[0]), -OFF), OFF))
             t0, t1 = self.given.tolist()
@@ -351,7 +351,7 @@ class Rows:
 
     @classmethod
     def of(cls, at: DiscretePath) -> list[Rows]:
-        """Return those of the events of a path that lie on surfaces, and are free to move."""
+        """Return the rows of the events of a path that lie on surfaces, and are free to move."""
         found = []
         for k, event in enumerate(at.problem.joints):
             if event.on is not None:
@@ -433,7 +433,7 @@ class Integral:
 
     @classmethod
     def of(cls, at: DiscretePath) -> Integral:
-        """Return those that the problem of a path gives."""
+        """Return the border of the integrals whose values the problem of a path gives."""
         values, change = np.array(at.problem.integral), np.abs(integrals(at)[1]).sum(axis=1)
         units = np.where(np.isfinite(change) & (change > 0), change, 1.0)
         return cls(values, units, at.tr.action_unit)
@@ -443,7 +443,7 @@ class Integral:
         return beta * self.unit / self.units
 
     def begin(self, at: DiscretePath) -> Array:
-        """Return those of the path at hand, (c,)."""
+        """Return the multipliers of a path, (c,)."""
         return at.problem.kappa * self.units / self.unit
 
     def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:

@@ -86,7 +86,7 @@ def tangency_step(
 
 
 def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, Array, Array]:
-    """Return what stands beside the matrix of a path for its times of contact (J,).
+    """Return the border of the matrix of a path for its times of contact (J,).
 
     The derivatives of its residual by each time alone (size, J), and of the slips by z (J, size)
     and by the times (J, J).
@@ -161,7 +161,7 @@ class ContactEquations:
         return equations.first if isinstance(equations, Bordered) else equations
 
     def of(self, problem: Problem) -> ContactEquations:
-        """Return those of another member of a family, in the same unknowns."""
+        """Return the equations of another member of a family, in the same unknowns."""
         first, old = self.first, self.held
         if isinstance(self.equations, Bordered):
             return ContactEquations(self.equations.of(Held(problem, old.arcs, span=old.span)))
@@ -172,7 +172,7 @@ class ContactEquations:
         return ContactEquations(Transcription(Held(problem, arcs), mesh, self.lengths, like=first))
 
     def _durations(self, tr: Transcription) -> Array:
-        """Return those of the legs in which the times of contact are, (J,)."""
+        """Return the durations of the legs in which the times of contact lie, (J,)."""
         joints = tr.mesh.nodes[tr.joints]
         times = contacts_of(tr.problem).contact_times
         return np.diff(joints)[np.searchsorted(joints, times, side="right") - 1]

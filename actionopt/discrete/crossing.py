@@ -55,7 +55,7 @@ class Jump:
     surface: str = ""  # the comparison that changes there
 
     def __str__(self) -> str:
-        """Say where."""
+        """Return a phrase that says where it is."""
         q = ", ".join(f"{x:.6g}" for x in self.q)
         told = 0 < len(self.surface) < LONGEST_TEXT
         where = f", where {self.surface} changes" if told else ""

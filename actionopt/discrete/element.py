@@ -61,7 +61,7 @@ class Element:
 
     @cached_property
     def by_increments(self) -> list[list[Array]]:
-        """The same where the ends' values are what they are beside the `taylor` of the start."""
+        """Stiffness where the ends' values are differences from the `taylor` series there."""
         bases, (rows, _) = [basis.copy() for basis in self.basis], self.taylor
         for basis in bases:
             basis[:, : self.order] = 0.0
@@ -78,7 +78,7 @@ class Element:
 
     @cached_property
     def taylor(self) -> tuple[list[Array], Array]:
-        """What derivatives at the start make of those at the nodes, and at the end, (r, r).
+        """Matrices from derivatives at the start to those at the nodes, and at the end, (r, r).
 
         By (xi + 1)^k / k!, k < r: for each derivative a matrix (d + 1, r), and their last rows.
         """
@@ -108,7 +108,7 @@ class Element:
 
     @cached_property
     def fit(self) -> tuple[Array, Array]:
-        """What values between the ends (d - 1) make of the coefficients; and values of the ends.
+        """The matrix from values between the ends (d - 1) to coefficients; and values of the ends.
 
         Coefficients (d + 1 - 2 r,) of values less those that the ends make: least squares.
         """
@@ -163,7 +163,7 @@ def _hermite(side: int, derivative: int, order: int) -> Array:
 
 
 def _bubble(degree: int, order: int) -> Array:
-    """Return those of the r-fold integral of Legendre's polynomial, whose square has integral one.
+    """Return coefficients of the r-fold integral of a normalized Legendre polynomial.
 
     So Newton's matrix is of one size in all of them.
     """

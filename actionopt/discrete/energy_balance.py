@@ -95,7 +95,7 @@ class Imbalance:
     sudden: bool = False
 
     def __str__(self) -> str:
-        """Say where it is off most, and by how much."""
+        """Return a phrase that says where it is off most, and by how much."""
         k = int(np.argmax(np.abs(self.off)))
         where = f"within {self.high[k] - self.low[k]:.2g} of {self.low[k]:.6g} after the start"
         return f"{where} the energy changes by {abs(self.off[k]):.3g} without a force that shows it"
@@ -103,7 +103,7 @@ class Imbalance:
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """What the balance of energy along a path is drawn up of.
+    """The terms of the balance of energy along a path.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class Balance:
 
     @classmethod
     def of(cls, at: DiscretePath) -> Balance:
-        """Draw it up."""
+        """Return the balance of a path."""
         tr, problem = at.tr, at.problem
         batches, point = tr.between_nodes, tr.place(at.x)
         with np.errstate(all="ignore"):
@@ -217,7 +217,7 @@ class Balance:
         return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed[order])
 
     def _harmless(self, error: float) -> Array:
-        """Return what may be `off` and moves the path by no more than an error, in one array.
+        """Return how much may be `off` without moving the path by more than an error, in one array.
 
         An energy dE that a body does not get, where its velocity is v, leaves it short of the
         momentum dE / v, and that moves a free body by dE T / (4 m v) at most, in the middle of the

@@ -43,7 +43,7 @@ class Equations(Protocol):
         ...
 
     def quadrature_defect(self, z: Array, /, *, followed: bool = True) -> tuple[Array, float]:
-        """Return what another quadrature adds to r(z), (size,), and how far it carries a body."""
+        """Return what another quadrature adds to r(z), (size,), and how far that moves a body."""
         ...
 
     def misread(self, z: Array, /) -> Array:

@@ -80,7 +80,7 @@ class Factors:
         self._even = _equilibrate(layout, nonzeros, many) if layout.closed else None
 
     def near(self, nonzeros: Array) -> Factors:
-        """Return those of a matrix near this one: solutions are refined from this one's.
+        """Return factors for a matrix near this one: its solutions are refined from this one's.
 
         Where that does not converge, the other matrix is factorized.
         """
@@ -525,7 +525,7 @@ def _largest(columns: Array) -> NDInt:
 def factorize_part(
     layout: MatrixLayout, nonzeros: Array, keep: NDArray[np.bool_]
 ) -> Callable[[Array], Array]:
-    """Return what solves with the rows and columns to `keep` (size,), k of them, for (k, c)."""
+    """Return what solves, for (k, c), with the k rows and columns to `keep` (size,)."""
     number, pattern = np.cumsum(keep) - 1, layout.kkt
     mine = keep[pattern.row] & keep[pattern.col]
     size = int(keep.sum())

@@ -62,7 +62,7 @@ class Settled:
 
 
 def settle(tr: Transcription, z: Array) -> Settled:
-    """Go from z to a stationary path near it, or where the equations hold best.
+    """Return the stationary path near z, or where the residual is least.
 
     Not at all where the mass matrix is not positive definite.
     """
@@ -127,7 +127,7 @@ class _Masses:
 
     @classmethod
     def of(cls, tr: Transcription, z: Array) -> _Masses:
-        """Return those along z; raise numpy.linalg.LinAlgError where M is not positive definite."""
+        """Return them along z. Raise numpy.linalg.LinAlgError where M is not positive definite."""
         layout, system = tr.layout, tr.problem.system
         C = tr.second(z[: layout.unknowns])[2]
         some = C[:1] if system.structure.constant_mass else C

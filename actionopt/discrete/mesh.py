@@ -222,7 +222,7 @@ class Mesh:
 
 
 def with_singular_ends(mesh: Mesh, singular_ends: tuple[int, int]) -> Mesh:
-    """Return the same elements, the first and the last of them open at the ends that are."""
+    """Return the mesh with its first and last element open at the ends that are singular."""
     if singular_ends == mesh.singular_ends:
         return mesh
     degrees = np.array(mesh.degrees)

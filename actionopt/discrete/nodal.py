@@ -34,13 +34,13 @@ class Term:
     action: tuple[Array, Array] | None = None
 
     def value(self, q: Array) -> float:
-        """Return it for coordinates q (n,)."""
+        """Return the term for coordinates q (n,)."""
         eta = q - self.center
         linear, matrix = self.action or (self.linear, self.matrix)
         return float(linear @ eta + eta @ matrix @ eta / 2)
 
     def gradient(self, q: Array) -> Array:
-        """Return its derivative by them, (n,)."""
+        """Return its derivative by the coordinates, (n,)."""
         return self.linear + self.matrix @ (q - self.center)
 
 

@@ -67,7 +67,7 @@ class Path:
             object.__setattr__(self, name, given)
 
     def __reduce__(self) -> tuple:
-        """Make it anew of the same numbers."""
+        """Return how to make it anew from the same numbers."""
         return Path, (self.mesh, self.values, self.velocities)
 
     def __repr__(self) -> str:

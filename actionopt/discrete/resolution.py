@@ -65,7 +65,7 @@ class Resolution:
 
     @cached_property
     def by_rate(self) -> float:
-        """The same as errors are reckoned by: by the rate alone, where degrees are above five.
+        """What the mesh omits, to estimate errors: above degree five by the rate of decay alone.
 
         `omitted`, by which meshes are made, is larger where degrees are below ten: what few
         coefficients tell of another mesh is worth less.

@@ -80,7 +80,7 @@ class StackShape:
         self._memory = np.empty(0)
 
     def on(self, mesh: Mesh) -> StackShape:
-        """Return the same on another mesh."""
+        """Return the shape of the same members on another mesh."""
         return StackShape(self.system, mesh, self.free, self.units, self.action_unit)
 
     def pinned_coordinates(self, node: int) -> list[int]:
@@ -301,7 +301,7 @@ class Stack:
         return q, (slopes @ (Q - Q[:1]).reshape(len(Q), -1)).reshape(shape) / half
 
     def samples(self, Q: Array) -> list[Samples]:
-        """Return what is known at the points of another quadrature, by kinds of elements."""
+        """Return values at the points of another quadrature, by kinds of elements."""
         s, found = self.shape, []
         name = "gradient" if s.system.structure.jumpless else "balance"
         for which, rule in s.sampling:
@@ -314,7 +314,7 @@ class Stack:
     def quadrature_defect(
         self, samples: list[Samples], part: Array, second: list[Array] | None = None
     ) -> Array:
-        """Return what another quadrature finds of dS/dq less the `part` of this one.
+        """Return dS/dq by another quadrature less the `part` by this one.
 
         Where the forces lead between the nodes if `second` are given: see `second_quadrature`.
         """
@@ -547,7 +547,7 @@ class Factored:
 
 
 def compile_function(system: System, name: str) -> Columns:
-    """Return what is evaluated of a system: L, its gradient, its second derivatives, or slopes.
+    """Return a function of a system: L, its gradient, its second derivatives, or slopes.
 
     These are L, its momenta, and its derivatives by the time and the parameters. Or its gradient
     with what the balance of energy needs. Raises ValueError as `Columns` does.
@@ -598,7 +598,7 @@ def _forward(M: Array, inverse: Array, right: Array) -> None:
 
 
 def _backward(M: Array, inverse: Array, right: Array) -> None:
-    """Solve L' x = y for the rows eliminated, from those that were not, (f, ..., B), in place."""
+    """Solve L' x = y in place, (f, ..., B), for the rows that were eliminated, the others known."""
     for r in range(len(inverse) - 1, -1, -1):
         beyond = np.einsum("cb,c...b->...b", M[r, r + 1 :], right[r + 1 :])
         beyond *= inverse[r]

@@ -341,7 +341,7 @@ class _Members:
         return Path(self.meshes[self.mesh[i]].moved(*self.times[i].tolist()), self.values[i])
 
     def _know(self, i: int, path: Path) -> None:
-        """Let a path lead to others."""
+        """Keep the path of a member as a guess for its neighbours."""
         mesh = self.levels[self.base].shape.mesh.moved(*self.times[i].tolist())
         self.seeds[i], self.known[i] = path.on(mesh).values.T, True
 
@@ -393,7 +393,7 @@ class _Members:
         return transfer_matrix(*(self.levels[k].shape.mesh for k in (source, level))) @ Q
 
     def _rebase(self, level: int) -> None:
-        """Let members begin on another mesh from now on."""
+        """Move the known paths to the mesh of another level, on which members begin from now on."""
         here, shape = np.flatnonzero(self.known), self.levels[level].shape
         seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
         seeds[here] = self._to(level, self.seeds[here], self.base)

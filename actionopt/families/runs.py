@@ -316,7 +316,7 @@ class Runs:
         progress: Progress | None = None,
         resume: str | FilePath | None = None,
     ) -> Runs:
-        """Return the same with the members that failed tried again, each as long as `solve` takes.
+        """Return the runs with the members that failed tried again, each as long as `solve` takes.
 
         Near neighbours that are solved, then from nothing as `solve` does; or near `guess`, then
         from nothing. Members that an interrupted sweep did not come to are not tried: the same
@@ -394,7 +394,7 @@ class Runs:
         return members, self.grid.columns(members), known, guess, options
 
     def _copy(self) -> Runs:
-        """Return the same in arrays of its own."""
+        """Return a copy with arrays of its own."""
         made = {name: copy(value) for name, value in vars(self).items()}
         return Runs(**made)
 

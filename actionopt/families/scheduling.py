@@ -134,7 +134,7 @@ class Front:
         self._growing &= enough
 
     def again(self) -> None:
-        """Go outwards again, step by step: there is somebody new to begin from."""
+        """Start again with the nearest neighbours: a member has been solved to begin from."""
         self._reach, self._growing = 2 * self._smallest, True
 
     @property

@@ -294,7 +294,7 @@ class _SweepRun:
     # -- tasks -------------------------------------------------------------------------------------
 
     def go(self, finished: dict[int, Answers]) -> None:
-        """Have all other tasks done, and enter what came of them."""
+        """Run all tasks that are not finished, and enter the answers of all."""
         for task, answers in finished.items():
             self.intake(task, answers, kept=True)
         tasks = ((k, self._arguments(k)) for k in range(self.tasks) if k not in finished)

@@ -169,7 +169,7 @@ def one_by_one(
     given: Mapping[int, Path] | None = None,
     lead: bool = True,
 ) -> Answers:
-    """Return the same of members with more than a path to be found, each near the last one.
+    """Return the answers of members with more than a path to be found, each near the last one.
 
     Those that are `given` are not solved again. All are sought near `guess` unless they `lead`.
     """

@@ -191,7 +191,7 @@ def relaxing(subject: Subject) -> str:
 
 
 def beside(*subjects: Subject) -> str:
-    """Return the player of wild paths that go downhill side by side, on one clock.
+    """Return an animation of random paths that descend to motions, side by side on one clock.
 
     Above, the path of one coordinate against time; below, where it stands on the map of the action
     over two modes.

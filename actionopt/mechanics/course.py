@@ -308,7 +308,7 @@ def check_whole(problem: Any, what: str) -> None:
 
 
 def sides(problem: Any) -> list[tuple[int, int, int]]:
-    """Return what is to be checked of legs: joint, leg, and the sign that `on` has along it.
+    """Return triples to check: joint, leg, and the sign that `on` has along it.
 
     A path that bounces stays where on > 0, on all legs of one law around the joint. Where laws of
     legs take turns at a surface it is crossed: the sign after is that before, reversed (a sign of

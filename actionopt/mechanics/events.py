@@ -182,7 +182,7 @@ class Event:
         return self._replace(t=t)
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
-        """Return the same event with its coordinates farther by `by` (n,); free ones stay so."""
+        """Return the event with its coordinates moved by `by` (n,); free ones stay free."""
         if self.q is None:
             return self
         pairs = zip(self.q, _shift(by, len(self.q)), strict=True)
@@ -248,7 +248,7 @@ class Bounce(Event):
         super().__init__(t, q, on=on)
 
     def _replace(self, **changes: Any) -> Event:
-        """Return the same reflection with another t, q or on; an event of given place if it is."""
+        """Return the reflection with another t, q or on; a plain event if its place is given."""
         known = {"t": self.t, "q": self.q, "on": self.on} | changes
         if known["on"] is None:
             return Event(known["t"], known["q"])
@@ -407,11 +407,11 @@ class Tail(Event):
         return Event(self.side * math.inf, self.rest)
 
     def at(self, t: float | None) -> Tail:
-        """Return the same with the window's edge at another time."""
+        """Return the tail with the window's edge at another time."""
         return Tail(t, self.rest, self.side, self.phase)  # type: ignore[arg-type]
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Tail:
-        """Return the same of an equilibrium farther by `by` (n,)."""
+        """Return the tail of an equilibrium that is moved by `by` (n,)."""
         moved = [x + d for x, d in zip(self.rest, items(by, "a shift of an event"), strict=True)]
         return Tail(self.t, moved, self.side, self.phase)
 
@@ -443,5 +443,5 @@ class State:
             )
 
     def __reduce__(self) -> tuple:
-        """Make it anew of the same numbers."""
+        """Return how to make it anew from the same numbers."""
         return State, (self.t, self.q, self.v)

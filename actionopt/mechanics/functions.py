@@ -23,7 +23,7 @@ class ParameterInputs(NamedTuple):
 
     @classmethod
     def of(cls, table: ParameterTable, values: Mapping[str, Array], taken: list[str]):
-        """Return those of a table; `taken` are names of other inputs and outputs.
+        """Return the inputs of a table's parameters; `taken` are names of other inputs and outputs.
 
         A parameter whose name is taken, or not allowed by CasADi, is called by its number.
         One number is the default of an input: of an array whose entries differ it is NaN.

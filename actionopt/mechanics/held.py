@@ -68,7 +68,7 @@ class Held(Problem):
     def found_at(
         self, times: Sequence[float] | Array, q: Any = None, kappa: Array | None = None
     ) -> Held:
-        """Return the same at other times of events, and the arcs at the same parts of legs."""
+        """Return the question at other times of events, its arcs at the same fractions of legs."""
         before, now, arcs = np.array(self.span), np.asarray(times, dtype=float), self.arcs
 
         def later(t: float) -> float:
@@ -82,7 +82,7 @@ class Held(Problem):
         return Held(self.free.found_at(times, q, kappa), arcs, sought=self.sought)
 
     def holding(self, arcs: tuple[Arc, ...]) -> Held:
-        """Return the same with other parts in force."""
+        """Return the question with other parts in contact."""
         other = Held(self.free, arcs, sought=self.sought)
         object.__setattr__(other, "instants", self.instants)  # they are found but once
         return other
@@ -94,7 +94,7 @@ class Held(Problem):
 
     @property
     def is_course(self) -> bool:
-        """It is: what is in contact is held there on the mesh of the path."""
+        """Always true: what is in contact is held there on the mesh of the path."""
         return True
 
     @cached_property
@@ -122,7 +122,7 @@ class Held(Problem):
         return np.setdiff1d(times, self.fixed_times)
 
     def __reduce__(self) -> tuple:
-        """Make it anew of the question."""
+        """Return how to make it anew from the question."""
         return partial(Held, sought=self.sought, span=self.span), (self.free, self.arcs)
 
     def in_force(self, boundaries: Array, offsets: NDInt) -> NDArray[np.bool_] | None:

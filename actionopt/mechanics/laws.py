@@ -145,7 +145,7 @@ class Laws:
 
     @Once
     def structure(self) -> Structure:
-        """Return what the derivatives depend on, by the sparsity of their own derivatives."""
+        """Return on what the derivatives of L depend, by the sparsity of their own derivatives."""
         moved = (
             self._depends("second", 2, (0, 1)),
             self._depends("second", 1, (0, 1)),
@@ -193,7 +193,7 @@ class Laws:
 
     @Once
     def fill_ratio(self) -> float:
-        """Return what eliminating one node's coordinates and multipliers costs, 1 if all couple.
+        """Return the cost of eliminating one node's coordinates and multipliers, 1 if all couple.
 
         Coordinates couple as second derivatives of L have them, multipliers as their constraints.
         """

@@ -42,7 +42,7 @@ class Arc:
 
     @property
     def point(self) -> bool:
-        """Whether it is a moment only."""
+        """Whether contact lasts for a moment only."""
         return self.begin == self.end
 
 

@@ -274,7 +274,7 @@ class Problem:
 
     @property
     def joints(self) -> tuple[Event, ...]:
-        """The same as they were asked for, with their surfaces."""
+        """The start, the events between and the end as they were asked for, with their surfaces."""
         return self.original.joints_found
 
     def _repr_html_(self) -> str:
@@ -475,7 +475,7 @@ class Problem:
 
     @property
     def closed_places(self) -> tuple[int, ...]:
-        """The same of the coordinates and their derivatives below that of L's order, (order n,)."""
+        """`order` for coordinates and for derivatives below that of L's order, (order n,)."""
         return tuple(k * self.system.n + i for k in range(self.system.order) for i in self.order)
 
     def closed_from(self, q: Array) -> Array:

@@ -110,7 +110,7 @@ def rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
 
 
 def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
-    """Return the same, found anew."""
+    """Return the equilibrium at q (n,) at the time t, found anew."""
     names, given = system.coordinates, q
     second, first = system.pointwise("second"), system.pointwise("first")
     v, now = np.zeros((1, system.n)), np.array([[t]])

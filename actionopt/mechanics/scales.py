@@ -97,7 +97,7 @@ def _inertias(problem: Any) -> Array:
 
 
 def first_state(system: System, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return what functions of a system take in place of q and v, (K, n), at constant rates."""
+    """Return the arguments that a system's functions take for q and v (K, n), at constant rates."""
     if system.order == 1:
         return q, v
     rest = np.zeros((len(q), (system.order - 2) * system.n))

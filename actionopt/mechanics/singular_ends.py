@@ -28,7 +28,7 @@ BESIDE_EVENT = 1e-3  # of the coordinates' sizes and of the duration: near an ev
 
 
 def singular_ends(problem: Any) -> tuple[int, int]:
-    """Return what the start and the end are: 0 where L and its derivatives are finite.
+    """Return the kinds of the start and the end: 0 where L and its derivatives are finite.
 
     Where they are not, at any velocity, and all coordinates are given: 1, or 2 where the inertia is
     infinite in all directions, and the path at rest (`lobatto.OPEN`, `RESTING`).

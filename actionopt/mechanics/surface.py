@@ -73,7 +73,7 @@ class Surface:
 
     @property
     def depends_on_time(self) -> bool:
-        """Whether it depends on the time."""
+        """Whether the surface moves."""
         return bool(self.law.jac_sparsity(0, 1).nnz())
 
     @property

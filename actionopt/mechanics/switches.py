@@ -199,7 +199,7 @@ def adds_time(lagrangian: Tape) -> bool:
     """
 
     def parts_of(node, operands: list[tuple[bool, bool, bool]]) -> tuple[bool, bool, bool]:
-        """Whether it depends on the path, and on the time, and has such a term."""
+        """Return whether it depends on the path, and on the time, and has a term of time alone."""
         if node.kind == "input":
             return node.entry[0] < 2, node.entry[0] == 2, node.entry[0] == 2
         path, time, alone = (any(x[k] for x in operands) for k in range(3))

@@ -380,11 +380,11 @@ class System(NumericLaws):
         return f"<p>{escape(self.name or 'System')}</p>{''.join(rows)}"
 
     def __copy__(self) -> System:
-        """Return the same: nothing of it changes."""
+        """Return the system itself, which never changes."""
         return self
 
     def __deepcopy__(self, memo: dict[int, Any]) -> System:
-        """Return the same: nothing of it changes."""
+        """Return the system itself, which never changes."""
         return self
 
     def __reduce__(self) -> tuple:
@@ -411,7 +411,7 @@ class System(NumericLaws):
 
     @Once
     def without_obstacle(self) -> System:
-        """Return the same system with nothing in the way."""
+        """Return the system without its obstacle."""
         return self._holding(ca.SX(0, 1))
 
     def obstacle(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
@@ -419,7 +419,7 @@ class System(NumericLaws):
         return self.with_contact.constraint(q, t, parameters=parameters)[self.m :]
 
     def with_contact_distance(self, sizes: tuple[int, ...]) -> System:
-        """Return the same with rows of the obstacle that grow as the distance from it does.
+        """Return the system with rows of the obstacle that grow as the distance from it does.
 
         They are f / sqrt(f_q^2 - 2 min(f, 0) f_nn), f_nn being the second derivative along the
         slope, coordinates in units of 2**sizes: the distance to first order, outside and inside.

@@ -54,13 +54,13 @@ class Symbols:
 
     @classmethod
     def of(cls, n: int, table: ParameterTable, order: int = 1) -> Symbols:
-        """Return those of a law of n coordinates and an order."""
+        """Return the symbols of a law of n coordinates and an order."""
         *below, highest = (ca.SX.sym(name, n) for name in STATE[: order + 1])
         q = below[0] if order == 1 else stack(*below)
         return cls(q, highest, ca.SX.sym("t"), table.symbols())
 
     def state(self) -> dict[str, Expressions]:
-        """Return what the user's callables receive, by name: q, v and so on, and t."""
+        """Return the arguments of the user's callables, by name: q, v and so on, and t."""
         n = self.v.numel()
         rows = [*ca.vertsplit(self.q, n), self.v]
         found = {name: Expressions(x, 1) for name, x in zip(STATE, rows, strict=False)}

@@ -86,7 +86,7 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
 
 
 def _rank(solution: Solution) -> tuple[bool, float]:
-    """Return what is the less the better a path is: it was found, and S + E T."""
+    """Return a key that is less for a better path: whether it failed, and S + E T."""
     E = solution.problem.energy
     return not solution.success, solution.action + (E or 0.0) * solution.duration
 

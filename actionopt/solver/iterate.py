@@ -108,7 +108,7 @@ class Iterate(DiscretePath):
         return replace(self, tr=tr, z=z, factors=None, probed=None, represented=None)
 
     def bare(self) -> Self:
-        """Return the same without what takes memory."""
+        """Return the iterate without its factors, which take memory."""
         if self.factors is None and self.probed is None:
             return self
         return replace(self, factors=None, probed=None)
@@ -130,7 +130,7 @@ class Iterate(DiscretePath):
         return replace(self, tr=tr, z=z, **known)
 
     def with_error(self, gain: float, noise: float | None = None) -> Self:
-        """Return the same with the estimate of its error for a gain, and of its noise.
+        """Return the iterate with the estimate of its error for a gain, and of its noise.
 
         The gain is at least what amplified round-off says that other errors are amplified.
         """
@@ -171,14 +171,14 @@ class Iterate(DiscretePath):
         return max(1.0, float((unit / sizes).max()))
 
     def with_factors(self, many: bool) -> Self:
-        """Return the same with factors of the matrix; `many` as `Factors` has it."""
+        """Return the iterate with factors of its matrix; `many` as `Factors` has it."""
         if self.factors is not None:
             return self
         equations = self.equations
         return replace(self, factors=factorize(equations, self.z, many=many))
 
     def with_fresh_factors(self) -> Self:
-        """Return the same with factors of the matrix where the path is, not close to it."""
+        """Return the iterate with factors of the matrix at the path, not near it."""
         if self.factors is None:
             return self
         factors = self.factors.near(self.equations.kkt(self.z))
@@ -210,7 +210,7 @@ class Iterate(DiscretePath):
         return (system.n > 1 or self.problem.may_be_shifted) and not system.structure.forced
 
     def with_probed(self, many: bool) -> Self:
-        """Return the same with the `probe` after a step of inverse iteration; `many` as above."""
+        """Return the iterate with `probed`, a step of inverse iteration; `many` as above."""
         if self.probed is not None:
             return self
         here = self.with_factors(many)
@@ -252,7 +252,7 @@ class Iterate(DiscretePath):
         return self.tr.layout.probe[: self.tr.layout.unknowns] * self.tr.kinetic_unit
 
     def with_larger_noise(self) -> Self:
-        """Return the same with the larger noise of two samples: one may be small by chance.
+        """Return the iterate with the larger noise of two samples: one may be small by chance.
 
         The other is what the residual asks for after the step that the first one was.
         """
@@ -349,7 +349,7 @@ class UnfixedPath(Iterate):
 
     @property
     def moves(self) -> bool:
-        """Whether it is no rest."""
+        """Whether the path moves at all."""
         return not is_at_rest(self.Q, self.tr.lengths.max())
 
 
@@ -379,7 +379,7 @@ def may_matter(structure: Structure, left: Number, tol: float) -> Any:
 
 
 def unseen(at: Iterate, tol: float) -> tuple[Array, float]:
-    """Return what the forces summed over other points leave (size,), and how far that carries.
+    """Return the residual (size,) that another quadrature leaves, and how far that moves the path.
 
     By what holds the path there, and by what holds it on the whole: where a feature in q is not
     resolved, the curvature that one node happens to see there would hold it far too well. The

@@ -122,7 +122,7 @@ class Along(Workspace[Iterate]):
         self.iterate, self.problem = there, there.problem  # its duration may be another
 
     def answer(self) -> tuple[Problem, DiscretePath]:
-        """Return what was asked, its times and ends found, and the path at hand."""
+        """Return the question with the times and ends that were found, and the path."""
         question, here = self.question, self.here
         if not isinstance(here, UnfixedPath):
             return super().answer()
@@ -251,7 +251,7 @@ class Along(Workspace[Iterate]):
         return self._join() and super().follow(reach) and self._at_rest()
 
     def _at_rest(self) -> bool:
-        """Make zero of what is zero but for round-off, all of it: a path at rest on an obstacle."""
+        """Set a path that is zero but for round-off, at rest on an obstacle, to zero."""
         here, lengths = self.here, self.question.lengths
         if here.Q.any() and (np.abs(here.Q) <= EPS * lengths).all():
             z = here.z.copy()

@@ -183,7 +183,7 @@ class RayTracer:
     # -- motions ---------------------------------------------------------------------------------
 
     def follow(self, u: Array) -> TracedRays:
-        """Return what comes of motions from states u (K, M)."""
+        """Return the motions that set out from states u (K, M), traced from event to event."""
         count, joints = len(u), self.at.joints
         places = np.full((count, len(joints), self.size.size), np.nan)
         times = np.full((count, len(joints)), np.nan)
@@ -398,7 +398,7 @@ class ClosedRayTracer(RayTracer):
     def _arrive(
         self, leg: int, track: Track, first: tuple[Array, Array]
     ) -> tuple[Array, Array, Array]:
-        """Return the same as for given ends: at the time that is given, if one is."""
+        """Return arrivals as for given ends: at the time that is given, if one is."""
         if not self.timed:
             return super()._arrive(leg, track, first)
         at = np.full(len(first[0]), self.legs[0].start.t + self.span)

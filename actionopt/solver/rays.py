@@ -131,7 +131,7 @@ class RaySearch:
         self.near, self.apart = (np.concatenate(pair) for pair in zip(known, rest, strict=True))
 
     def _least(self, near: NDInt, apart: Array) -> tuple[NDInt, Array]:
-        """Return those of the motions (K, P) that are nearest, and how far they are, (K, M)."""
+        """Return which of the motions (K, P) are nearest, and how far they are, (K, M)."""
         if not len(near):
             return near[:, : self.count], apart[:, : self.count]
         k = np.argpartition(apart, self.count - 1, axis=1)[:, : self.count]

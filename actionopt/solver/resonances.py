@@ -60,7 +60,7 @@ class _Held:
         return float(-self.forces[0] / self.slopes[0])
 
     def next(self) -> _Held:
-        """Return the same with the second mode first, the first one last."""
+        """Return the modes in turn: the second one first, the first one last."""
         rolled = (np.roll(x, -1, axis=-1) for x in (self.modes, self.forces, self.slopes))
         return _Held(self.z, *rolled)
 

@@ -181,7 +181,7 @@ class Search:
         return status
 
     def take(self, other: Search) -> None:
-        """Go on with what another search for the same path has found."""
+        """Continue with the iterate and the record of another search for the same path."""
         other.ws.record = other.ws.record.after(self.ws.record)
         self.ws, self.found_by, self.least = other.ws, other.found_by, other.least
 
@@ -238,7 +238,7 @@ class Search:
         return self.try_each(tuple(left)) if status in UNSOLVED else status
 
     def _limit(self, cost: int) -> None:
-        """Let what is tried from now on cost no more than `BUDGET`, where ways have a cost.
+        """Limit the cost of what is tried from now on to `BUDGET`, where ways have a cost.
 
         With a saddle in hand, a strategy may cost no more than it does as a rule.
         """
@@ -402,7 +402,7 @@ class Search:
         return Status.UNRESOLVED if stiff else Status.DEGENERATE
 
     def begin(self, name: str, least: bool = False) -> None:
-        """Say which way is tried now."""
+        """Record which way is tried now."""
         self.found_by, self.least = name, least
         self.tried.append(name)
         if self.ws.watch is not None:

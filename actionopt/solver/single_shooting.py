@@ -61,7 +61,7 @@ class MissUnits(NamedTuple):
 
     @classmethod
     def of(cls, problem: Problem, size: Array, q: Array, v: Array, t: float) -> MissUnits:
-        """Return those of motions from q and v (n, K)."""
+        """Return the units for motions from q and v (n, K)."""
         at = q.T, v.T, np.full((q.shape[1], 1), t), problem.packed
         p = problem.system.pointwise("first")(*at)[1]
         action = float(np.median(np.linalg.norm(p * size, axis=1)))
@@ -70,7 +70,7 @@ class MissUnits(NamedTuple):
 
 
 def misses(problem: Problem, k: int, state: tuple[Array, Array, Array], unit: MissUnits) -> Array:
-    """Return what states miss of what an event asks, (rows, K): the start (k = 0) or the end (1).
+    """Return by how much states miss the start (k = 0) or the end (k = 1), (rows, K).
 
     States are coordinates and velocities (n, K) at times (K,). The rows are the coordinates that
     the event gives, its surface, the momentum along that, and the energy if motions do not keep it;

@@ -68,7 +68,7 @@ class FollowedStack:
 
     @classmethod
     def nowhere(cls, Q: Array) -> FollowedStack:
-        """Return what is known before anything was done."""
+        """Return the state before any step: paths Q (C, K, n), and no measures of them."""
         count, n = len(Q), Q.shape[2]
         none, moved = np.zeros(count, dtype=int), np.zeros(count)
         noise, omitted, missed, probed, drift, action = np.full((6, count), np.nan)

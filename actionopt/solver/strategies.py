@@ -75,7 +75,7 @@ class Least(Strategy):
 
 
 class PatientLeast(Least):
-    """The same for a minimum down a long curved valley."""
+    """`Least` with more iterations, for a minimum down a long curved valley."""
 
     persistent, cost = True, 4000
 

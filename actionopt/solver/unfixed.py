@@ -173,7 +173,7 @@ class Unfixed(Workspace[UnfixedPath]):
         return with_boundaries(mesh, over(self.problem.loose, mesh.duration).boundaries)
 
     def follow(self, reach: float = np.inf) -> bool:
-        """Polish the path; where it was may be one of a family, of which no round-off is known."""
+        """Polish the path; keep one whose residual is round-off, which may be one of a family."""
         first = self.here
         if super().follow(reach):
             if SAFETY * self.here.noise > self.tol:  # the last step may have been more than that
@@ -206,7 +206,7 @@ class Unfixed(Workspace[UnfixedPath]):
         return self.approach(PATIENT)
 
     def answer(self) -> tuple[Problem, DiscretePath]:
-        """Return what was asked, its times and ends found, and the path in the units at hand."""
+        """Return the question with the times and ends that were found, and the path."""
         here = self.here
         # A path whose error is as large as itself has run away: its places are on no surface.
         Q = here.Q[here.tr.joints] if here.error < 1 else None
@@ -220,7 +220,7 @@ class Unfixed(Workspace[UnfixedPath]):
     # -- from a first path to one ---------------------------------------------------------------
 
     def reach(self, path: Path, lam: Array | None, *, damped: bool) -> bool:
-        """Go to the path of the energy, or one that closes, near a rough one."""
+        """Move to the path of the given energy, or a closed one, near a rough one."""
         self.hint = ""
         self.size = 0.0
         if self.problem.closes and self.problem.integral is None:  # else a rest leads to a motion
@@ -246,7 +246,7 @@ class Unfixed(Workspace[UnfixedPath]):
         return problem is self.problem or self._begin(ROUGH)
 
     def _begin_near(self, path: Path) -> bool:
-        """Go to the closed path near a rough one that begins where that passes what is given."""
+        """Move to the closed path near a rough one that begins at the given coordinates."""
         begun = self._shift_to_start(path)
         if begun is None:
             return False
@@ -299,7 +299,7 @@ class Unfixed(Workspace[UnfixedPath]):
         return self.follow()
 
     def in_family(self, guess: Guess, *, thorough: bool) -> Status | None:
-        """Go to a path near the guess if such paths are a family, and refine it there.
+        """Move to a path near the guess if such paths are a family, and refine it there.
 
         By Newton's steps of least norm, as its matrix has no inverse at any of them. Then the
         directions in which it may be moved are known: bordered by them, the matrix has one.
@@ -355,7 +355,7 @@ class Unfixed(Workspace[UnfixedPath]):
         return None
 
     def reach_family(self, path: Path) -> bool:
-        """Go to a path near a rough one that is one of a family, and hold it along that."""
+        """Move to a path near a rough one that is one of a family, and hold it along that."""
         self.here = first = self._around(path, None)
         try:
             return self._approach_family(first)
@@ -363,7 +363,7 @@ class Unfixed(Workspace[UnfixedPath]):
             return False
 
     def _approach_family(self, here: UnfixedPath, steps: int | None = None) -> bool:
-        """Go to a path by steps of least norm, and keep the directions of its family there.
+        """Move to a path by steps of least norm, and keep the directions of its family there.
 
         By Levenberg and Marquardt's method, damped by the square of the residual: it comes to a
         family as fast as Newton's to a single path (N. Yamashita and M. Fukushima, *Computing
@@ -506,7 +506,7 @@ class Unfixed(Workspace[UnfixedPath]):
 
 
 def _by_ipopt(problem: Problem, path: Path, choices: Choices) -> Path:
-    """Return what Ipopt makes of a path over its duration and between its ends."""
+    """Return the path that Ipopt finds from this one, over its duration and between its ends."""
     there = over(problem.loose, path.mesh.duration)
     given = between_places(there, path.values.T[[0, -1]])
     return between(given, path, replace(choices, mesh=None), verdict=False)[0].path

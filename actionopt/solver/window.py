@@ -79,7 +79,7 @@ class Window:
     guess: Any
 
     def edges(self, solution: Solution, factors: Factors | None) -> list[Edge]:
-        """Return what each tail leaves out; of a path that was not found, at the edges alone.
+        """Return the error of each tail; of a path that was not found, at the edges alone.
 
         An acceleration that is left out for 1 / slow is a momentum at the edge, to which the path
         responds as a whole: near another equilibrium many times as much as at the edge.
@@ -446,7 +446,7 @@ def _extend(curve: Callable[[Array], Array], own: Mesh, problem: Problem) -> Pat
 
 
 def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | None, float]:
-    """Return what chooses the origin of time, and how much later a guess passes there.
+    """Return the condition that fixes the origin of time, and how much later a guess passes there.
 
     Half way between two equilibria; of one, half way to where a guess is farthest from it.
     """
@@ -543,7 +543,7 @@ def restrict_guess(solution: Solution, problem: Problem) -> Callable[[Array], Ar
 
 
 def explain_short_window(tol: float, moved: float) -> str:
-    """Return what to say where no window is long enough."""
+    """Return the hint where no window is long enough."""
     return (
         "beyond the last window the path is not on the linear manifold of the equilibrium, which "
         f"may move it by {moved:.2g}, more than tol = {tol:g}: it comes to rest more slowly than "

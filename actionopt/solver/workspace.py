@@ -290,7 +290,7 @@ class Workspace(Generic[Place]):
         self.gain, self.best, self.unbalance = UNKNOWN_GAIN, None, None
 
     def stop(self) -> None:
-        """Go back to the path that was polished last, as the time is up, and watch it no more."""
+        """Return to the path that was polished last, as the time is up, and stop the watch."""
         self.watch = None
         if self.best is not None:
             self.here = self.best
@@ -366,7 +366,7 @@ class Workspace(Generic[Place]):
         return False
 
     def settle(self) -> bool:
-        """Go to the path near a rough one; if that fails, to where the equations hold best."""
+        """Move to the path near a rough one; if that fails, to where the residual is least."""
         from actionopt.discrete.marquardt import settle
 
         if self.problem.system.order > 1:
@@ -378,7 +378,7 @@ class Workspace(Generic[Place]):
         return result.near and self.follow()
 
     def approach(self, steps: int = QUICK_STEPS, *, convex: bool = False) -> bool:
-        """Go to a path by damped Newton steps; if `convex`, only from where the action is that.
+        """Move to a path by damped Newton steps; if `convex`, only from where the action is convex.
 
         Near a resonance the multipliers of the motion along the first path make the matrix
         nearly singular there; without any it is stiff, and the way may be open.
@@ -391,7 +391,7 @@ class Workspace(Generic[Place]):
         return self._polish("newton", near)
 
     def go(self, method: str, way: Callable[[Transcription, Array], Reached]) -> bool:
-        """Go to a path by a `way`, whose factorizations are counted as those of a `method`."""
+        """Move to a path by a `way`, whose factorizations are counted as those of a `method`."""
         with self.record.clock("solve"):
             z, count = way(self.here.tr, self.here.z)
         self.record.iterations[method] += count
@@ -448,7 +448,7 @@ class Workspace(Generic[Place]):
         return True
 
     def answer(self) -> tuple[Problem, DiscretePath]:
-        """Return what was asked, and the path at hand."""
+        """Return the question, and the path."""
         return self.question, DiscretePath(self.here.tr, self.here.z)
 
     def quadrature_shift(self) -> float:

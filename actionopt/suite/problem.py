@@ -301,7 +301,7 @@ class TestProblem(ActionProgram, Member):
 
     @cached_property
     def others(self) -> tuple[Stationary, ...]:
-        """Other stationary points that are known; the linear ones have none."""
+        """Other stationary points that are known; a linear problem has none."""
         points = () if self.parameters else known.points(self.name, self)
         if self._has_obstacle:
             found = active_set.others(self._plain, self.scene, self.family.bends, points, self.star)

@@ -99,7 +99,7 @@ def tell_each(pace: float, tell: Callable[[], object]) -> Iterator[None]:
 
 
 def check_time() -> None:
-    """Raise TimeUp if the time given to a search for many paths is used up; tell if it is time."""
+    """Raise TimeUp if the time given to a search for many paths is over; report progress if due."""
     clock = _CLOCK.get()
     now = perf_counter()
     if now > clock.end:
