@@ -6,8 +6,7 @@ reference is the spline near the answer whose energy is continuous at all of the
 method). A beam of varying stiffness, on a foundation and with a load along it, bends under a
 load at random places, alone or coupled to another one; the reference is Ritz's method with 40
 polynomials for each, which also counts how many ways it would buckle: another index than that
-counts as wrong. `solve_bvp` is asked ten of the single beams. Times are those of a machine that was
-busy with other work.
+counts as wrong. `solve_bvp` is asked ten of the single beams.
 """
 
 from __future__ import annotations
