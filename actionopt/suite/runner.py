@@ -44,7 +44,7 @@ CLOCK_FACTOR = 10.0  # seconds of the clock for one of the processor, on a machi
 STARTUP = 1.0  # second of the processor that a process takes to start; ad hoc
 ONE_AT_A_TIME = Lock()
 # What the process of a solver says; the rest is found out here.
-SAID = (
+REPORTED = (
     *("outcome", "said", "word", "trace", "x", "differing"),
     *("seconds", "times", "processor", "evaluations", "history"),
 )
@@ -176,7 +176,7 @@ def attempt(cell: Cell, limits: Limits) -> dict[str, Any]:
             limit=wall,
             processor=limits.seconds,
         )
-        outcome = {name: told[name] for name in SAID if name in told}
+        outcome = {name: told[name] for name in REPORTED if name in told}
     except process.Overrun as error:
         # Who sleeps has used less than is allowed, and is not out of time.
         short = error.used is not None and error.used < limits.seconds
