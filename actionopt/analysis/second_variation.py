@@ -159,7 +159,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
             "collision, and its neighbours are not determined"
         )
     units = _units_of(at, units, C)
-    basis, pinned = _allowed(at, units)
+    basis, pinned = _bases(at, units)
     scale = units[:, None] * units
     A, B, C = (x * scale for x in (A, B, C))
     elements, kinetic = _element_forms(at, (A, B, C), basis, max(pinned) < basis.shape[2])
@@ -201,7 +201,7 @@ def _units_of(at: DiscretePath, given: Array | None, mass: Array) -> Array:
     return units
 
 
-def _allowed(at: DiscretePath, units: Array) -> tuple[Array, tuple[int, int]]:
+def _bases(at: DiscretePath, units: Array) -> tuple[Array, tuple[int, int]]:
     """Return a basis (K, n, r) of what constraints and ends allow at the nodes.
 
     And how many of its columns each end pins: they come first there.

@@ -211,7 +211,7 @@ class Balance:
         low, high = self._intervals()
         low, high = np.append(low, inner - width), np.append(high, inner + width)
         order = np.argsort(low)
-        order = order[~(np.abs(off) <= allowed + self._rounded())[order]]
+        order = order[~(np.abs(off) <= allowed + self._velocity_rounding())[order]]
         if not order.size:
             return None
         return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed[order])
@@ -355,7 +355,7 @@ class Balance:
         steps[at] = np.where(np.abs(change - off[at]) < np.abs(off[at]) / 2, off[at], 0.0)
         return steps
 
-    def _rounded(self) -> Array:
+    def _velocity_rounding(self) -> Array:
         """Return how far velocities that are rounded change what is `off`, in one array.
 
         On an element of the length h and of degree d velocities are known to EPS s d^2 / h. L_v dv

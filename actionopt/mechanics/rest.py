@@ -189,13 +189,13 @@ def _round_off(system: System, packed: Array, q: Array, t: float) -> Array:
     off = ca.SX.sym("off", len(tape.nodes))
     inputs, count = (s.q, s.v, s.t, s.p), iter(range(len(tape.nodes)))
 
-    def rounded(node: Node, x: list[ca.SX]) -> ca.SX:
+    def with_rounding(node: Node, x: list[ca.SX]) -> ca.SX:
         if node.kind == "input":
             return inputs[node.entry[0]][node.entry[1]]
         exact = apply(node.operation, x) if x else ca.SX(node.value)
         return exact * (1 + off[next(count)])
 
-    made = tape.fold(rounded)
+    made = tape.fold(with_rounding)
     force = ca.vertcat(*[made[k] for k in tape.results[0]])
     by = ca.Function("by", [*inputs, off], [ca.jacobian(force, off)])
     found = np.array(by(q, np.zeros(system.n), t, packed.ravel(), 0).full())
