@@ -92,7 +92,7 @@ def _rungs(families: dict) -> list[list[str]]:
 
 def _section(name: str, about: str, rows: list[dict]) -> list[str]:
     module = FAMILIES[name]
-    lines = [f"## {module.TITLE}", "", *module.__doc__.strip().split("\n"), "", about, ""]
+    lines = [f"## {module.TITLE}", "", *(module.__doc__ or "").strip().split("\n"), "", about, ""]
     fared = [[name, f"{solved} of {n}", *rest] for name, n, solved, *rest in _solvers(rows)]
     lines += table(["solver", "solved", "median time", "longest", "how it ended"], fared)
     if any("count" in r for r in rows):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from functools import cache
+from typing import Any
 
 import numpy as np
 from scipy.integrate import quad, solve_bvp, solve_ivp
@@ -158,7 +159,7 @@ def winding(k: int) -> list[Row]:
 
         return 2 * quad(integrand, 0, np.sqrt(u0 - first), epsabs=0, epsrel=1e-12, limit=400)[0]
 
-    u0 = brentq(lambda u: swept(u) - angle, first * 1.0001, 1 / 3 - 1e-9, xtol=1e-15)
+    u0: Any = brentq(lambda u: swept(u) - angle, first * 1.0001, 1 / 3 - 1e-9, xtol=1e-15)
     b = 1 / np.sqrt(u0**2 * (1 - 2 * u0))
     T = swept(u0, lambda u: 1 / (b * u**2 * (1 - 2 * u)))
     problem = ao.Problem(systems()["winding"], ao.Event(0, [20, 0]), ao.Event(1, [20, angle]))

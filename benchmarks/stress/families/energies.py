@@ -98,7 +98,7 @@ def transfer(k: int) -> list[Row]:
     beta = 2 * np.arcsin(np.sqrt(max((r0 + r1 - chord) / 4, 0)))
     ways = [(x, y) for x in (alpha, 2 * np.pi - alpha) for y in (beta, -beta)]
     known = np.array([x - np.sin(x) - y + np.sin(y) for x, y in ways])
-    problem = _asked("transfer", *places, -0.5)
+    problem = _asked("transfer", places[0], places[1], -0.5)
     return [_mine(problem, known), _between(problem, known)]
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -229,7 +230,7 @@ class Beam:
         mass = q.T @ (w[:, None] * q)
         one = a.T @ ((w * self.stiffness(t))[:, None] * a) - self.push * v.T @ (w[:, None] * v)
         one = one + self.ground * mass
-        matrix = block_diag(*[one] * self.n)
+        matrix: Any = block_diag(*[one] * self.n)
         if self.n > 1:
             matrix = matrix + self.spring * np.kron([[1, -1], [-1, 1]], mass)
         pull = np.zeros(self.n * terms)
