@@ -15,7 +15,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.factors import full
 from actionopt.families.free_times import _passes
 from actionopt.solver.durations import straight_passage
-from actionopt.solver.first_paths import FirstPaths
+from actionopt.solver.first_paths import FirstPaths, guess_path
 from actionopt.solver.signals import OutOfTime
 from actionopt.solver.unfixed import Unfixed
 
@@ -766,3 +766,12 @@ def test_time_that_is_up_before_there_is_a_start_is_told(monkeypatch):
     )
     found = ao.solve(problem, throw=False)
     assert found.status is ao.Status.OUT_OF_TIME
+
+
+def test_a_guess_is_not_resolved_on_meshes_that_are_too_large_to_be_kept():
+    """Corners at tol 1e-11 take thousands of elements, and the time that was given."""
+    system = ao.System(lambda q, v, t: v @ v / 2 - q @ q / 2, ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(6.3))
+    jagged = [np.cos(np.arange(400)), np.sin(7.0 * np.arange(400))]
+    small = guess_path(problem, jagged, 1e-11, most=60)
+    assert 60 < small.mesh.offsets[-1] < 2000 < guess_path(problem, jagged, 1e-11).mesh.offsets[-1]

@@ -38,6 +38,7 @@ from actionopt.discrete.increments import Increments, is_stiff
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
+from actionopt.tools.watch import check_time
 
 # What the mesh leaves out of Jacobi fields; derived: eigenvalues converge twice as fast, to 1e-12,
 # far below the tolerance. The error of a path that is improved to tell a sign: a tenth of that.
@@ -297,6 +298,7 @@ def _on_its_mesh(
     basis = null_space(equations, full(layout, matrix)) if projected else None
 
     def below(mu: float) -> int:
+        check_time()  # signs of one matrix are counted at once
         shifted = matrix - mu * kinetic
         if basis is not None:
             # Pivots of the whole are off by what makes rows regular. In higher orders the rows are

@@ -6,6 +6,7 @@ paths over fixed durations tell their energies, and where the one that is asked 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -318,8 +319,8 @@ class FirstPaths:
         return found.discrete if found.success else None
 
 
-def guess_path(problem: Problem, guess: Guess, represented: float) -> Path:
-    """Return a guess on a mesh that represents it, with its duration."""
+def guess_path(problem: Problem, guess: Guess, represented: float, most: float = math.inf) -> Path:
+    """Return a guess on a mesh that represents it, with its duration; as `resolve_curve` does."""
     if isinstance(guess, Solution):
         guess = guess.path
     if problem.free_time and not isinstance(guess, Path):
@@ -330,18 +331,26 @@ def guess_path(problem: Problem, guess: Guess, represented: float) -> Path:
     else:
         known = over(problem, 1.0)
         curve_on = curve(known, guess)
-    return resolve_curve(known, curve_on, represented)
+    return resolve_curve(known, curve_on, represented, most)
 
 
-def resolve_curve(known: Problem, curve_on: Callable[[Mesh], Path], represented: float) -> Path:
-    """Return a curve over the times of a problem on a mesh that represents it."""
+def resolve_curve(
+    known: Problem,
+    curve_on: Callable[[Mesh], Path],
+    represented: float,
+    most: float = math.inf,
+) -> Path:
+    """Return a curve over the times of a problem on a mesh that represents it.
+
+    Or on one of more than `most` degrees of freedom, if it takes that many in a coordinate.
+    """
     mesh = Mesh.uniform(known.start.t, known.end.t, LINEAR, COARSE_DEGREE)
     found = curve_on(mesh)
     for _ in range(ROUNDS // 2):
         size = np.abs(found.values).max(axis=1)
         size = np.where(size > 1e-9 * size.max(), size, max(size.max(), 1e-300))
         shown = resolution(mesh, found.values.T, size)
-        if shown.worst <= represented:
+        if shown.worst <= represented or mesh.offsets[-1] > most:
             break
         mesh = cheapest_mesh(shown, represented / 2)
         found = curve_on(mesh)

@@ -18,10 +18,9 @@ def table() -> dict[str, np.ndarray]:
     return dict(np.load(FILE)) if FILE.exists() else {}
 
 
-def stored(name: str) -> tuple[Ends, Ends]:
+def stored(name: str) -> tuple[Ends, ...]:
     """Return the two `Ends` of a problem."""
-    first, other = (Ends(q[:, 0].copy(), q[:, -1].copy(), q.copy()) for q in table()[name])
-    return first, other
+    return tuple(Ends(q[:, 0].copy(), q[:, -1].copy(), q.copy()) for q in table()[name])
 
 
 def others(name: str) -> tuple:
