@@ -465,7 +465,8 @@ def _measure_row(s: Subject) -> list[tuple[str, str]]:
 def _deviation(solution: Solution) -> tuple[str, str]:
     comparison = solution.compare()
     what = say("deviation of forward integration, relative")
-    return what, escape(comparison.reason) or number(comparison.position, 2)
+    reason = f'<span class="words">{escape(comparison.reason)}</span>'
+    return what, reason if comparison.reason else number(comparison.position, 2)
 
 
 def _pair(a: float, b: float, unit: str) -> str:
