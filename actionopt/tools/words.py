@@ -44,19 +44,22 @@ def say(text: str, **values: Any) -> str:
     return text.format(**values) if values else text
 
 
-# A blank after a number or its exponent, before a unit; within one; before the number of an index.
+# A blank after a number or its exponent, before a unit; within one; before the number of an index;
+# beside the sign between two terms.
 UNPARTED = re.compile(
     r"(?:(?<=[\d$])|^) (?=(?:J|N|kg|m|s|rad|C|T|V)(?![\w'\u2019]))|(?<=\b[JN]) (?=s\b)"
     r"|(?<=\bkg) (?=m\b)| (?=&times;)|(?<=&times;) |(?<=\bindex) (?=\d)|(?<=\bIndex) (?=\d)"
-    r"|(?<=\bindice) (?=\d)"
+    r"|(?<=\bindice) (?=\d)| (?=[=/+\u2212] )|(?<= [=/+\u2212]) "
 )
 
 
 def together(text: str) -> str:
-    r"""Return a text whose lines do not end between a number and its unit.
+    r"""Return a text whose lines do not end between a number and its unit, nor at an operator.
 
     >>> ascii(together("9.81 J s at index 2"))
     "'9.81\\xa0J\\xa0s at index\\xa02'"
+    >>> ascii(together("with c = 6"))
+    "'with c\\xa0=\\xa06'"
     """
     return UNPARTED.sub("\N{NO-BREAK SPACE}", text)
 
