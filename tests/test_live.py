@@ -425,6 +425,14 @@ def test_a_path_relaxes_or_runs_away_and_the_machine_hunts(folder, chromium):
     )
 
 
+def test_a_hunt_that_is_watched_ends_in_words(folder, chromium):
+    opened(chromium, folder, scenes.get("projectile"), still=False)
+    press(chromium, "hunt")
+    chromium.until("document.querySelector('.live .message').textContent.includes(' trials')")
+    S = solved("projectile", tol=1e-10).action
+    assert S < told(chromium, "best") < S + 0.01
+
+
 def test_arrows_end_to_end(folder, chromium):
     """Their sum is sqrt(2 pi i hbar / S''), a quarter turn less past the focus."""
     opened(chromium, folder, scenes.get("oscillator"))

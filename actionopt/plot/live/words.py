@@ -66,6 +66,7 @@ PAGE_WORDS = {
     "arrived": "Downhill as far as it goes: this is a path of least action among its neighbours.",
     "away": "The path has left the picture, and S was still falling.",
     "flat": "The slope is zero here: bend the path a little, and let go.",
+    "unfinished": "S was still falling after {k} steps: press the button again.",
     "stalled": "S falls no farther on this mesh; whether a motion is near is not known.",
     "hunted": "The machine moved one handle at a time, {k} trials, and kept what lowered S.",
     "picture": "What moves",

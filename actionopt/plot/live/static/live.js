@@ -6,6 +6,7 @@
   const REACH = 1.5, CURVE = 41; // alpha to either side; points of S(alpha)
   const ROOM = 0.45; // around a path, to drag into, of its extent
   const SLOW = 0.15, MOST = 400; // of a step downhill; steps
+  const TRIALS = 4; // of the hunt, in a step: one handle is seen to move after the other
   const AWAY = 12; // of the picture, where a path that runs away is let go
   const SHOWING = 4; // seconds of the picture
   const A_STEP = 200; // milliseconds that a step of Newton's method is seen
@@ -638,14 +639,15 @@
       return true;
     }
 
-    // Run `step` until it returns words, a frame each; all at once for who wants no motion.
-    function animate(name, step, then = () => {}) {
+    // Run `step` until it returns words, a frame each; all at once for who wants no motion. `spent` are
+    // the words where it has not after MOST.
+    function animate(name, step, { then = () => {}, spent = () => "" } = {}) {
       if (busy?.name === name) { stop(); return; }
       stop();
       if (still.matches) {
         let words;
         for (let k = 0; k < MOST && !words; k++) words = step(k);
-        become(trial, words ?? "");
+        become(trial, words || spent());
         return;
       }
       busy = { name };
@@ -655,7 +657,7 @@
       const tick = () => {
         if (busy === null) return;
         const words = step(k++);
-        if (words || k > MOST) { stop(); become(trial, words || ""); then(); return; }
+        if (words || k > MOST) { stop(); become(trial, words || spent()); then(); return; }
         draw();
         busy.frame = requestAnimationFrame(tick);
       };
@@ -693,7 +695,7 @@
         const k = Math.floor((performance.now() - since) / A_STEP);
         trial = before[k] ?? motion.Q.slice();
         if (k >= before.length) return words;
-      }, refocus);
+      }, { then: refocus });
     }
 
     function relax() {
@@ -706,23 +708,24 @@
         const end = falls || saddle ? null : A.resolved(trial);
         const least = Boolean(end?.known && end.A.index(end.Q).index === 0 && size(A.carried(trial, end.A).map((x, i) => x - end.Q[i])) < 0.01);
         return say("downhill", { away: Boolean(falls), least, saddle });
-      });
+      }, { spent: () => filled(W.unfinished, { k: MOST }) });
     }
 
     function hunt() {
       let by = 0.12 * (view.y[1] - view.y[0]), j = 0, tries = 0, luck = false, sign = 1;
       const moves = handles.flatMap((it) => it.pair.filter((i) => i !== null && free(it.j, i)).map((i) => [it.j, i]));
+      const spent = () => filled(W.hunted, { k: tries });
       animate("hunt", () => {
-        for (let round = 0; round < (still.matches ? 40 : 1); round++) {
+        for (let round = 0; round < TRIALS; round++) {
           const [k, i] = moves[j], Q = bent(trial, k, { [i]: trial[knot(k) * n + i] + sign * by });
           tries++;
           if (Q && S(Q) < S(trial)) { trial = Q; luck = true; } // and again the same way
           else if (sign > 0) sign = -1;
           else { sign = 1; if (++j === moves.length) { j = 0; if (!luck) by /= 2; luck = false; } }
-          if (by < 2e-4 * (view.y[1] - view.y[0])) return filled(W.hunted, { k: tries });
+          if (by < 2e-4 * (view.y[1] - view.y[0])) return spent();
           if (size(trial.map((x, c) => x - first[c])) > AWAY) return W.away;
         }
-      });
+      }, { spent });
     }
 
     function half() {
