@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import a_quarter, contrast, of_every_scene
+from helpers import a_quarter, contrast, of_every_scene, solved
 from matplotlib.colors import to_rgb
 
 from actionopt import Event, Mesh, scenes
@@ -19,7 +19,7 @@ from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.course.pages import OTHERS
 from actionopt.gallery.facts import facts_of, name_of
 from actionopt.gallery.figures import fronts_caption
-from actionopt.gallery.film import film, relaxing
+from actionopt.gallery.film import _energies, film, relaxing
 from actionopt.gallery.index_page import IDEAS, idea
 from actionopt.gallery.page import Page, prose
 from actionopt.gallery.subject import Subject
@@ -180,6 +180,19 @@ def test_nothing_comes_from_elsewhere(gallery):
         text = content.decode()
         loads = r"""(?:href|src)=["']?(?:https?:)?//|url\(["']?(?:https?:)?//|@import|fetch\("""
         assert not re.search(loads, text), name
+
+
+@pytest.mark.long
+def test_a_film_sums_what_is_asked_for_and_not_the_integral_that_is_given():
+    """Of Dido's fence: with the area, times its multiplier, S would be zero."""
+    scene = scenes.get("dido")
+    subject = Subject(scene, solved("dido"))
+    t = np.linspace(0.0, 1.0, 201)
+    (graph,) = _energies(subject, t)
+    assert graph["rows"][0]["values"] == pytest.approx(np.full(t.size, np.pi), abs=1e-3)
+    assert graph["area"] == pytest.approx(np.pi * t, abs=1e-3)
+    assert relaxing(subject) == ""  # downhill no path keeps its area
+    assert subject.motion.endswith("y = 0 m")
 
 
 @pytest.mark.long

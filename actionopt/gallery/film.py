@@ -101,29 +101,32 @@ def _coordinates(s: Subject, t: Array) -> list[dict[str, Any]]:
 
 
 def _energies(s: Subject, t: Array) -> list[dict[str, Any]]:
-    """Return the graph of T and V, or of L where that is no difference of the two, and S so far."""
+    """Return the graph of T and V, or of L where that is no difference of the two, and S so far.
+
+    Of L without the integrals that are given: with these, times their multipliers, S is another.
+    """
     q, v, problem = s.solution(t), s.solution.velocity(t), s.solution.problem
-    *below, highest = s.solution.derivatives(t)[: problem.system.order + 1]
-    state = np.concatenate(below).T, highest.T, t[:, None], problem.packed
-    L = problem.system.pointwise("value")(*state)[0][:, 0].copy()
+    law = problem.plain or problem.system
+    given = {name: problem.parameters[name] for name in law.parameters}
+    *below, highest = s.solution.derivatives(t)[: law.order + 1]
+    state = np.concatenate(below).T, highest.T, t[:, None], law.table.pack(law.table.values(given))
+    L = law.pointwise("value")(*state)[0][:, 0].copy()
     far = np.diff(t) * (L[1:] + L[:-1]) / 2
     S = np.r_[0.0, np.cumsum(far)]
     S += (s.solution.action - S[-1]) * np.linspace(0, 1, t.size)  # of trapezes, which miss a little
     graph: dict[str, Any] = {"unit": s.units.energy, "sum": s.units.action}
     if s.scene.measure is None and (s.has_forces or not s.energies.moving):
-        T = s.scene.kinetic(q, v, t) if s.scene.kinetic else L + _potential(s, q, t)
+        T = (
+            s.scene.kinetic(q, v, t)
+            if s.scene.kinetic
+            else L - law.lagrangian(q, 0 * q, t, parameters=given)
+        )
         graph["rows"] = [{"name": "T", "values": _thin(T)}, {"name": "V", "values": _thin(T - L)}]
     else:
         graph["rows"] = [{"name": "L", "values": _thin(L)}]
     if not s.has_forces:
         graph["area"] = _thin(S)
     return [graph]
-
-
-def _potential(s: Subject, q: Array, t: Array) -> Array:
-    """Return V = -L at rest."""
-    problem = s.solution.problem
-    return -problem.system.lagrangian(q, 0 * q, t, parameters=problem.parameters)
 
 
 def _thin(values: Array) -> list[float]:
@@ -136,9 +139,11 @@ def _thin(values: Array) -> list[float]:
 def relaxing(subject: Subject) -> str:
     """Return the player of a wild path that goes downhill in action, step by step.
 
-    Nothing where the way is short, comes to no end, or leaves what the scene's law is for. Raises
-    ValueError as `relaxation_data` does.
+    Nothing where the way is short, comes to no end, leaves what the scene's law is for, or would
+    not keep integrals that are given. Raises ValueError as `relaxation_data` does.
     """
+    if subject.solution.problem.integral is not None:
+        return ""
     found, solution = relaxation_data(subject.solution), subject.solution
     below = subject.solution.morse_index > 0 and found.action[-1] < found.target_action
     if len(found.action) <= FEWEST_OF_A_FILM or not (found.arrived or below):

@@ -19,7 +19,7 @@ from actionopt.tools.types import Array
 from actionopt.tools.words import number, say
 
 SUBJECT_TIMES = 201
-ZERO_RANGE = 1e-9  # ranges this small relative to the size count as zero
+ZERO_RANGE = 1e-9  # what is this small relative to the size counts as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,11 +131,12 @@ class Subject:
 
     def event(self, q: Iterable[float]) -> str:
         """Return coordinates in words, with units, the first four of them."""
-        names = self.solution.problem.system.coordinates
+        names, least = self.solution.problem.system.coordinates, ZERO_RANGE * np.max(np.abs(self.q))
         parts = [
-            f"{letter(n)} = {number(x, 3)} {self.units.coordinate(n)}".rstrip()
+            f"{letter(n)} = {number(x if abs(x) > least else 0.0, 3)} {self.units.coordinate(n)}"
             for n, x in zip(names, q, strict=True)
         ]
+        parts = [part.rstrip() for part in parts]
         more = say(" and {count} more", count=len(parts) - 4) if len(parts) > 4 else ""
         return ", ".join(parts[:4]) + more
 
