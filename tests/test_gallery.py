@@ -18,12 +18,13 @@ from actionopt.gallery import build, builder, story
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.course.pages import OTHERS
 from actionopt.gallery.facts import facts_of, name_of
-from actionopt.gallery.figures import fronts_caption
+from actionopt.gallery.figures import fronts_caption, landscape_reach
 from actionopt.gallery.film import _energies, film, relaxing
 from actionopt.gallery.index_page import IDEAS, idea
 from actionopt.gallery.page import Page, prose
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import texts
+from actionopt.plot import landscape_data
 from actionopt.solver.solve import solve
 from actionopt.tools.greek import GREEK
 
@@ -193,6 +194,14 @@ def test_a_film_sums_what_is_asked_for_and_not_the_integral_that_is_given():
     assert graph["area"] == pytest.approx(np.pi * t, abs=1e-3)
     assert relaxing(subject) == ""  # downhill no path keeps its area
     assert subject.motion.endswith("y = 0 m")
+
+
+@pytest.mark.long
+def test_a_landscape_keeps_from_where_its_action_is_infinite():
+    reach = landscape_reach(solved("light_around_star"))
+    assert reach < landscape_reach(solved("pendulum")) == 0.5
+    rise = landscape_data(solved("light_around_star"), reach, 9).rise
+    assert rise.min() >= 0 and rise.max() < 100  # of S = 1275: no path comes to the horizon
 
 
 @pytest.mark.long

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from actionopt import plot
+from actionopt.analysis.solution import Solution
 from actionopt.gallery.compact import compact
 from actionopt.gallery.page import escape, typeset
 from actionopt.gallery.subject import Subject, span
@@ -22,6 +23,10 @@ Rule = tuple[Callable[[Subject], bool], str | None]  # None for a figure nobody 
 
 ONE_SIZE, BOTH_SIZE = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
 SVG_SHAPE = re.compile(r' viewBox="0 0 ([\d.]+) ([\d.]+)"')
+WIDEST_LANDSCAPE, LANDSCAPE_HALVINGS = (
+    0.5,
+    3,
+)  # of a landscape, of the path's size; of that, at most
 NARROW_WIDTH = 3.3  # inches: where a phone shows it, 11 points of letters are 15 pixels
 
 
@@ -242,10 +247,26 @@ def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     )  # fmt: skip
 
 
+def landscape_reach(solution: Solution) -> float:
+    """Return how far a landscape goes that keeps from where L is infinite.
+
+    It is halved where the range of S grows by more than the sixth power of the reach.
+    """
+    reach, low = WIDEST_LANDSCAPE, None
+    for _ in range(LANDSCAPE_HALVINGS):
+        far = low or float(np.nanmax(np.abs(plot.landscape_data(solution, reach, 9).rise)))
+        low = float(np.nanmax(np.abs(plot.landscape_data(solution, reach / 2, 9).rise)))
+        if far <= 2**6 * low:
+            break
+        reach /= 2
+    return reach
+
+
 @_kind("The action as a landscape", IN_PRINCIPLE, *IF_ALONE)
 def _landscape(s: Subject, figure: Any) -> tuple[str, str]:
-    plot.landscape(s.solution, figure.subplots(), units=s.units)
-    rise = plot.landscape_data(s.solution).rise
+    reach = landscape_reach(s.solution)
+    plot.landscape(s.solution, figure.subplots(), reach=reach, units=s.units)
+    rise = plot.landscape_data(s.solution, reach).rise
     values = {"low": number(-rise.min(), 3), "top": number(rise.max(), 3), "unit": s.units.action}
     if s.solution.kind == "minimum":
         alt = "Contours of the action over two variations; the path is at the bottom of a bowl."

@@ -4,6 +4,7 @@
   "use strict";
   const STEP = 0.02, FINE = 0.1; // of the picture, for one key; with shift
   const REACH = 1.5, CURVE = 41; // alpha to either side; points of S(alpha)
+  const STEEP = 8; // how far S(alpha) is shown, in its range from the motion to the path: a parabola needs 1.6
   const ROOM = 0.45; // around a path, to drag into, of its extent
   const SLOW = 0.15, MOST = 400; // of a step downhill; steps
   const TRIALS = 4; // of the hunt, in a step: one handle is seen to move after the other
@@ -325,7 +326,10 @@
           return Q && ahead && back ? A.gradient(Q).reduce((sum, g, i) => sum + (g * (ahead[i] - back[i])) / (2 * h), 0) : NaN;
         };
         slopes = [slope(at), slope(0)];
-        if (held === null || !rises) rises = range(rises, curve.filter(([a]) => Math.abs(a) <= 1.25).map((r) => r[1]));
+        if (held === null || !rises) { // where S is infinite on the way it leaves the picture
+          const [low, high] = span(curve.filter(([a]) => a >= 0 && a <= 1).map((r) => r[1])), far = STEEP * (high - low);
+          rises = range(rises, curve.filter(([a]) => Math.abs(a) <= 1.25).map((r) => Math.max(low - far, Math.min(high + far, r[1]))));
+        }
         alphaPanel.scale([-REACH, REACH], rises);
         alphaPanel.axes("\u03b1", unit(lost ? "S \u2212 S\u2080" : "S", units.action && `(${units.action})`));
         parabola.setAttribute("points", alphaPanel.points(curve.filter((r) => Number.isFinite(r[1]))));
