@@ -126,12 +126,12 @@ class Variation:
             Q = project(tr, Q)
         for k, event in enumerate(problem.surfaces):
             if event is not None:
-                t = float(tr.mesh.boundaries[-k])
-                end = onto(problem, event, Q[-k], t, tr.lengths)
-                if end is None:
+                t = tr.mesh.boundaries[[-k]]
+                end = onto(problem, event, Q[[-k]], t, tr.lengths)[0]
+                if not np.isfinite(end).all():
                     raise ValueError(
-                        f"expected the varied path to end near the surface at t = {t:.6g}, found "
-                        "no point of it there; try a smaller variation"
+                        "expected the varied path to end near the surface at t = "
+                        f"{t[0]:.6g}, found no point of it there; try a smaller variation"
                     )
                 Q = Q.copy()
                 Q[-k] = end

@@ -51,41 +51,52 @@ def event_at(at: DiscretePath, k: int) -> tuple[Event, float]:
 
 
 def onto(
-    problem: Problem, event: Event, q: Array, t: float, size: Array, *, outside: bool = False
-) -> Array | None:
-    """Return a point of the event's surface, and of the constraints, near q (n,); None if none is.
+    problem: Problem, event: Event, q: Array, t: Array, size: Array, *, outside: bool = False
+) -> Array:
+    """Return points of the event's surface, and of the constraints, near q (K, n); NaN where none.
 
-    Where the event lies on no surface, the constraints alone count. A point that is to be `outside`
-    of the obstacle is moved on to the rows that are negative at q. Newton's method takes steps of
-    least length in units of `size` (n,).
+    The surface at times t (K,). Where the event lies on no surface, the constraints alone count. A
+    point that is to be `outside` of the obstacle is moved on to the rows that are negative at q.
+    Newton's method takes steps of least length in units of `size` (n,).
     """
     system, given = problem.system.with_contact if outside else problem.system, list(event.pinned)
     q = q.copy()
-    q[given] = [event.q[i] for i in given]
-    free, kept = np.setdiff1d(np.arange(system.n), given), np.ones(system.m, dtype=bool)
+    q[:, given] = [event.q[i] for i in given]
+    free = np.setdiff1d(np.arange(system.n), given)
     if not free.size:
         return q
+    kept = np.ones((len(q), system.m), dtype=bool)
     if outside:
-        kept = system.constraint(q, t, parameters=problem.parameters) < 0
-        kept[: problem.system.m] = True
+        kept = system.constraint(q.T, t, parameters=problem.parameters).T < 0
+        kept[:, : problem.system.m] = True
+    found, left = np.full(q.shape, np.nan), np.arange(len(q))
     for k in range(LONGEST_WAY):
-        rows, by_q = np.zeros(0), np.zeros((0, system.n))
+        if not left.size:
+            break
+        state, mine = (q[left].T, t[left]), np.ones((left.size, 0), dtype=bool)
+        rows, by_q = np.zeros(mine.shape), np.zeros((*mine.shape, system.n))
         if event.on is not None:
-            rows, by_q, _, _ = event.on.at(q, t, problem.packed)
+            rows, by_q, _ = event.on.along(q[left], t[left], problem.packed)
+            mine = np.ones(rows.shape, dtype=bool)
         if system.m:
-            f = system.constraint(q, t, parameters=problem.parameters)
-            G = system.constraint_jacobian(q, t, parameters=problem.parameters)
-            rows, by_q = np.concatenate([rows, f[kept]]), np.concatenate([by_q, G[kept]])
-        by_q = by_q[:, free] * size[free]
-        if not (np.isfinite(rows).all() and np.isfinite(by_q).all() and by_q.any(axis=1).all()):
-            return None
-        if rows.size == 1:
-            step = -by_q[0] * (rows[0] / (by_q[0] @ by_q[0]))
+            f = system.constraint(*state, parameters=problem.parameters).T
+            G = system.constraint_jacobian(*state, parameters=problem.parameters)
+            rows, by_q = np.hstack([rows, f]), np.hstack([by_q, np.moveaxis(G, 2, 0)])
+            mine = np.hstack([mine, kept[left]])
+        rows = np.where(mine, rows, 0.0)
+        by_q = np.where(mine[:, :, None], by_q, 0.0)[:, :, free] * size[free]
+        known = np.isfinite(rows).all(axis=1) & np.isfinite(by_q).all(axis=(1, 2))
+        known &= (by_q.any(axis=2) | ~mine).all(axis=1)
+        left, rows, by_q = left[known], rows[known], by_q[known]
+        if rows.shape[1] == 1:
+            step = -by_q[:, 0] * (rows / np.sum(by_q[:, 0] ** 2, axis=1, keepdims=True))
         else:
-            step = -np.linalg.pinv(by_q) @ rows
-        largest = np.abs(step).max()
+            step = -(np.linalg.pinv(by_q) @ rows[:, :, None])[:, :, 0]
+        largest = np.abs(step).max(axis=1)
         farthest = FIRST_SURFACE_STEP * 2.0**k
-        q[free] += step * (farthest / largest if largest > farthest else 1.0) * size[free]
-        if largest < LAST_SURFACE_STEP:
-            return q
-    return None
+        part = farthest / np.maximum(largest, farthest)
+        q[np.ix_(left, free)] += step * part[:, None] * size[free]
+        there = largest < LAST_SURFACE_STEP
+        found[left[there]] = q[left[there]]
+        left = left[~there]
+    return found

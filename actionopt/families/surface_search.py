@@ -56,8 +56,8 @@ def _feet(
 
     def look(centre: Array, reach: Array, count: int) -> Array:
         starts = centre + reach * random.standard_normal((count, centre.size))
-        feet = (onto(problem, event, q, t, size) for q in starts)
-        return np.array([q for q in feet if q is not None]).reshape(-1, centre.size)
+        feet = onto(problem, event, starts, np.full(count, t), size)
+        return feet[np.isfinite(feet).all(axis=1)]
 
     reach = max(1.0, np.abs((pair[1] - pair[0]) / size).max())
     for _ in range(REACH_ROUNDS):

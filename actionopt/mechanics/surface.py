@@ -66,7 +66,7 @@ class Surface:
         """Carry the law; its derivatives are made where they are needed."""
         return Surface, (self.law, self.shapes)
 
-    @property
+    @cached_property
     def count(self) -> int:
         """How many expressions there are, s."""
         return self.law.numel_out(0)

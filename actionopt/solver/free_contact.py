@@ -180,8 +180,9 @@ def _through_given(
         places, asked = path(times).T, problem.found_at(times)
         for k, event in enumerate(asked.joints_found):
             if len(event.pinned) < problem.system.n:  # there it may be outside of the obstacle
-                out = onto(asked, event, places[k], event.t, asked.scales, outside=True)
-                places[k] = places[k] if out is None else out
+                given = places[[k]], np.array([event.t])
+                out = onto(asked, event, *given, asked.scales, outside=True)[0]
+                places[k] = out if np.isfinite(out).all() else places[k]
         pairs = zip(asked.joints_found, places.tolist(), strict=True)
         start, *through, end = (
             Event(e.t, [y if x is None else x for x, y in zip(e.q, q, strict=True)])
@@ -229,6 +230,6 @@ def _ends(problem: Problem, path: Path) -> Array:
     size, found = sizes(problem), path.values.T[[0, -1]].copy()
     for k, event in enumerate((problem.start, problem.end)):
         if event.on is not None:
-            point = onto(problem, event, found[k], float(path.mesh.boundaries[-k]), size)
-            found[k] = found[k] if point is None else point
+            point = onto(problem, event, found[[k]], path.mesh.boundaries[[-k]], size)[0]
+            found[k] = point if np.isfinite(point).all() else found[k]
     return found

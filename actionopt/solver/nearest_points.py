@@ -120,14 +120,13 @@ def near(problem: Problem, directions: Array | None = None) -> list[Array]:
     axes.
     """
     n, size = problem.system.n, sizes(problem)
-    nearest = _pair(problem, np.zeros(n), size)
-    far = 1.0 if nearest is None else float(np.abs((nearest[1] - nearest[0]) / size).max()) or 1.0
+    nearest = _pairs(problem, np.zeros((1, n)), size)
+    far = float(np.abs((nearest[0, 1] - nearest[0, 0]) / size).max()) if nearest.size else 0.0
     if directions is None:
         directions = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
         if n > NEAREST_POINTS:
             directions = np.random.default_rng(0).standard_normal((2 * NEAREST_POINTS, n))
-    pairs = (_pair(problem, far * direction * size, size) for direction in directions)
-    return [pair for pair in pairs if pair is not None]
+    return list(_pairs(problem, (far or 1.0) * directions * size, size))
 
 
 def sizes(problem: Problem) -> Array:
@@ -163,34 +162,40 @@ def _line(problem: Problem, like: Transcription | None) -> tuple[float, Discrete
     return S if np.isfinite(S) and _has_inertia(at) else np.inf, at
 
 
-def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
-    """Return coordinates (2, n) of both events, on their surfaces near each other and `away`."""
+def _pairs(problem: Problem, away: Array, size: Array) -> Array:
+    """Return coordinates (k, 2, n) of both events, on their surfaces near each other.
+
+    And `away` (K, n), where there are some.
+    """
     ends = problem.start, problem.end
     known = [[0.0 if x is None else x for x in e.near] for e in ends]
     for k in (0, 1):
         if ends[k].on is not None:  # near the other one
-            pairs = zip(ends[k].q, known[1 - k], strict=True)
-            known[k] = [b if a is None else a for a, b in pairs]
-    q, times = np.array(known), [e.t for e in ends]
+            given = zip(ends[k].q, known[1 - k], strict=True)
+            known[k] = [b if a is None else a for a, b in given]
+    q, times = np.tile(known, (len(away), 1, 1)), [e.t for e in ends]
     t = given_time(problem)
-    q[[k for k in (0, 1) if ends[k].on is not None]] += away
-    timed = problem.has_moving_surface
+    q[:, [k for k in (0, 1) if ends[k].on is not None]] += away[:, None]
     both = all(e.on is not None for e in ends)
-    for again in range(AGAIN if both or (timed and problem.free_time) else 1):
+    timed = problem.has_moving_surface and problem.free_time
+    for again in range(AGAIN if both or timed else 1):
         for k in (1, 0):
-            event, T = ends[k], 0.0
+            event, at = ends[k], np.full(len(q), t if times[k] is None else times[k])
             if event.on is None:
                 continue
             if again and both:
-                q[k] = q[1 - k]
+                q[:, k] = q[:, 1 - k]
             if times[k] is None and again:
-                T = duration_along(problem, q[0] + np.linspace(0, 1, 11)[:, None] * (q[1] - q[0]))
-                way = float(np.linalg.norm((q[1] - q[0]) / size))
-                if timed and way > 0:  # a surface may run away faster than motions of the energy
-                    T = way / float(meeting_speed(problem, q, size, t, way / T))
-            at = t + (T if k else -T) if times[k] is None else times[k]
-            found = onto(problem, event, q[k], at, size)
-            if found is None:
-                return None
-            q[k] = found
+                at += [_passage(problem, pair, size) * (1 if k else -1) for pair in q]
+            q[:, k] = onto(problem, event, q[:, k], at, size)
+            q = q[np.isfinite(q[:, k]).all(axis=1)]
     return q
+
+
+def _passage(problem: Problem, q: Array, size: Array) -> float:
+    """Return how long a motion of the energy takes between points q (2, n), to meet a surface."""
+    T = duration_along(problem, q[0] + np.linspace(0, 1, 11)[:, None] * (q[1] - q[0]))
+    way = float(np.linalg.norm((q[1] - q[0]) / size))
+    if problem.has_moving_surface and way > 0:  # it may run away faster than motions of the energy
+        T = way / float(meeting_speed(problem, q, size, given_time(problem), way / T))
+    return T

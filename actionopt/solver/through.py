@@ -384,10 +384,10 @@ def _extent(problem: Problem, points: Array, size: Array) -> Array:
     times = fill_times(times_of(problem), np.ones(len(points) - 1))
     scale, found = size.max() or 1.0, [np.zeros(size.size)]
     for event, t in zip(problem.joints_found, times.tolist(), strict=True):
-        for away in np.concatenate([np.eye(size.size), -np.eye(size.size)]):
-            if event.on is not None:
-                point = onto(problem, event, scale * away, t, np.full(size.size, scale))
-                found += [] if point is None else [np.abs(point)]
+        if event.on is not None:
+            away = scale * np.concatenate([np.eye(size.size), -np.eye(size.size)])
+            point = onto(problem, event, away, np.full(len(away), t), np.full(size.size, scale))
+            found += list(np.abs(point[np.isfinite(point).all(axis=1)]))
     return np.max(found, axis=0)
 
 
@@ -410,10 +410,9 @@ def _begin(problem: Problem, q: Array, size: Array, share: Array) -> tuple[Path,
     for _ in range(2):  # surfaces may move, and times depend on places
         for k, event in enumerate(problem.joints_found):
             if event.on is not None or problem.system.m:
-                found = onto(problem, event, q[k], float(times[k]), size)
-                if found is None:
+                q[k] = onto(problem, event, q[[k]], times[[k]], size)[0]
+                if not np.isfinite(q[k]).all():
                     return None
-                q[k] = found
         if problem.advance is not None:
             q[-1] = problem.closed_from(q[0])
         times = fill_times(times_of(problem), share * _durations(problem, q))
