@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.discrete.factors import Factors
+from actionopt.discrete.factors import Factors, product
 from actionopt.discrete.newton import CONTRACTION
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
@@ -26,6 +26,7 @@ SUFFICIENT_DECREASE = 1e-2  # Armijo's: share of what the gradient promises that
 # A shorter step changes S by its square, 1e-20, which is round-off of S: derived, and on the safe
 # side for curvatures far from one.
 SHORTEST_DESCENT = 1e-10
+SURE = 1e-6  # of Rayleigh's quotient, far above its round-off
 SHORTEN, SHORTEST_PART = 3.0, 3e-4  # of a step, for which no factorization is needed
 # Ad hoc: the lowest modes of velocities part from others by squares; S is nearly quadratic so near.
 POWER_STEPS, OFF_SADDLE = 4, 2.0**-7  # in lengths
@@ -59,7 +60,7 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
 
     Coordinates `far` times their own size have run away.
     """
-    mu, count, first = 0.0, 0, z
+    mu, count, first, last = 0.0, 0, z, None
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
         while count < DESCENT_STEPS and np.abs(z).max() < far:
@@ -67,7 +68,8 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
             H, K = tr.kkt(z), tr.kinetic(z)
             if not (np.isfinite(H).all() and np.isfinite(K).all()):
                 break
-            while not (factors := Factors(tr.layout, H + mu * K if mu else H)).definite():
+            least = 0.0 if last is None else _least_mu(tr, H, K, last)
+            while mu < least or not (factors := _shifted(tr, H, K, mu)).definite():
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:  # or the mass is not positive: then there is no lowest action
                     return Descended(z, False, _runs_away(tr, first, z), count)
@@ -85,8 +87,9 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:
                     return Descended(z, False, _runs_away(tr, first, z), count)
-                factors = Factors(tr.layout, H + mu * K)
+                factors = _shifted(tr, H, K, mu)
             before, (z, action) = z, lower
+            last = z - before
             gradient = tr.gradient(z)
             if mu == 0.0 and (z == before + step).all():  # not of a step that was shortened
                 second = factors.solve(gradient)
@@ -94,6 +97,20 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
                     return Descended(z - second, True, False, count)
             mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
     return Descended(z, False, bool(np.abs(z).max() >= far), count)
+
+
+def _shifted(tr: Transcription, H: Array, K: Array, mu: float) -> Factors:
+    """Return the factors of H + mu K."""
+    return Factors(tr.layout, H + mu * K if mu else H)
+
+
+def _least_mu(tr: Transcription, H: Array, K: Array, step: Array) -> float:
+    """Return a mu below which H + mu K bends down along a step, and need not be factorized.
+
+    By Rayleigh's quotient, which is nearly the least mu where steps run away: along the last one.
+    """
+    bend, metric = (float(step @ product(tr.layout, A, step)) for A in (H, K))
+    return -bend / metric * (1 - SURE) if metric > 0 else 0.0
 
 
 def _runs_away(tr: Transcription, first: Array, z: Array) -> bool:
