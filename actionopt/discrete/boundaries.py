@@ -24,6 +24,8 @@ def carry_boundaries(
     So do those at `events`, times (k,) before and after, past whatever instants they move. Times
     are mapped affinely between instants, or on a whole leg where the numbers of these differ there.
     """
+    if not (old or new or events[0].size):
+        return mesh.moved(start, end)
     b, reach = mesh.since, _slack(mesh)
     at, to = (
         _inside(old, mesh.boundaries[0], mesh.duration, reach),
