@@ -44,6 +44,7 @@ class Body:
         system = held.free.system.with_contact
         self.packed, self.row, self.t = held.packed, held.free.system.m + row, np.array([[t]])
         self.sizes = 2.0 ** measures(held.lengths)
+        self.areas = np.outer(self.sizes, self.sizes)
         self.first = system.pointwise("constraint_jacobian")
         self.second = system.pointwise("constraint_curvature")
         self.lam = np.eye(system.m)[[self.row]]
@@ -51,23 +52,26 @@ class Body:
     def at(self, x: Array) -> tuple[float, Array, Array]:
         """Return f, its gradient (n,) and its second derivatives (n, n)."""
         q = (x * self.sizes)[None]
-        G, f = self.first(q, self.t, self.packed)
-        G = self.first.full(0, G)[0, self.row] * self.sizes
+        f, G = self._first(x)
         H = self.second.full(0, self.second(q, self.lam, self.t, self.packed)[0], symmetric=True)[0]
-        return float(f[0, self.row]), G, H * np.outer(self.sizes, self.sizes)
+        return f, G, H * self.areas
+
+    def _first(self, x: Array) -> tuple[float, Array]:
+        G, f = self.first((x * self.sizes)[None], self.t, self.packed)
+        return float(f[0, self.row]), self.first.full(0, G)[0, self.row] * self.sizes
 
     def normal(self, x: Array) -> Array:
         """Return the normal (n,) at a point."""
-        G = self.at(x)[1]
+        G = self._first(x)[1]
         return G / max(float(np.linalg.norm(G)), EPS)
 
     def touching_point(self, x: Array, normal: Array) -> Array | None:
         """Return the point near x (n,) at which a plane of this normal (n,) touches; else None."""
-        n = x.size
-        mu = float(self.at(x)[1] @ normal)
+        n, mu = x.size, None
         K = np.zeros((n + 1, n + 1))
         for _ in range(SUPPORT_STEPS):
             f, G, H = self.at(x)
+            mu = float(G @ normal) if mu is None else mu
             K[:n, :n], K[:n, n], K[n, :n] = H, -normal, G
             try:
                 step = np.linalg.solve(K, np.append(mu * normal - G, -f))
@@ -214,23 +218,26 @@ class WayOut:
         The row that it is inside of.
     normal : (n,) array
         The body's normal there, coordinates in units of their `measures`.
+    looked_at : (K,) and (r, K) arrays
+        What `look_along` returns of the path.
     """
 
     found: DiscretePath
     t: float
     body: Body
     normal: Array
+    looked_at: tuple[Array, Array]
 
     @classmethod
     def of(cls, found: DiscretePath) -> WayOut | None:
         """Return the way out from where a path is deepest inside; None where it is outside."""
-        t = sample_times(found)
-        rows = rows_along(found, t)
+        t, rows = looked_at = look_along(found)
         i, k = np.unravel_index(np.argmin(rows), rows.shape)
         if not rows[i, k] < 0:
             return None
         body = Body(contacts_of(found.problem), int(i), float(t[k]))
-        return cls(found, float(t[k]), body, body.normal(found.path(t[k]) / body.sizes))
+        normal = body.normal(found.path(t[k]) / body.sizes)
+        return cls(found, float(t[k]), body, normal, looked_at)
 
     def within(self, sides: Array) -> Path | None:
         """Return a path that is just inside of the body's nearest edge straight to `sides` (k, n).
@@ -264,16 +271,22 @@ class WayOut:
         return np.concatenate([[-self.normal], axes, -axes])
 
 
+def look_along(found: DiscretePath) -> tuple[Array, Array]:
+    """Return times (K,) along a path, and the rows of the obstacle (r, K) then."""
+    t = sample_times(found)
+    return t, rows_along(found, t)
+
+
 def taut_string_round(
-    found: DiscretePath, side: Callable[[float], Array]
+    found: DiscretePath, looked_at: tuple[Array, Array], side: Callable[[float], Array]
 ) -> tuple[Path, tuple[Arc, ...]] | None:
-    """Return a path taut round what a path passes through, and its parts in contact.
+    """Return a path taut round what a path, looked along, passes through, and its contacts.
 
     None if it passes through nothing, or through what has no edge to that side, such as a plane.
     The `side` is a direction (n,) at a time, coordinates in units of their `measures`.
     """
-    held, t = contacts_of(found.problem), sample_times(found)
-    sizes, inside = 2.0 ** measures(held.lengths), rows_along(found, t) < 0
+    held, (t, rows) = contacts_of(found.problem), looked_at
+    sizes, inside = 2.0 ** measures(held.lengths), rows < 0
     start, duration, none = held.start.t, held.duration, np.zeros((1, held.system.n))
     fine = np.linspace(0.0, duration, FINE)
     path, velocity = (
