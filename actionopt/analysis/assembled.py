@@ -17,7 +17,7 @@ from actionopt.analysis.jacobi import FIELD_ROUNDS, coefficients_left_out, refin
 from actionopt.analysis.second_variation import check_independent, couples_at_rest, normals
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import SparseFactors, diagonal, factorize_part
+from actionopt.discrete.factors import SparseFactors, diagonal, solve_part
 from actionopt.mechanics.scales import diagonal as diagonal_of
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -98,8 +98,7 @@ class AssembledForm:
         keep = inside[np.concatenate([layout.free // n, layout.row_node])]
         if not keep.any():
             return eta
-        solve = factorize_part(layout, self.matrix, keep)
-        found = solve(-self.loads(self.forces(eta))[keep])
+        found = solve_part(layout, self.matrix, keep, -self.loads(self.forces(eta))[keep])
         own = keep[:unknowns]
         places = np.divmod(layout.free[own], n)
         eta[places] = found[: int(own.sum())] * tr.x_unit[own, None]

@@ -392,38 +392,48 @@ class Sparse:
 
 
 class SparseFactors:
-    """The factors of a large sparse matrix, which cost what many solutions do.
+    """The factors of a sparse matrix, kept where they cost what many solutions do.
 
     CasADi does not tell its linear solvers' factors apart from their solutions; it returns those
-    of L D L' as objects.
+    of L D L' as objects. Handing these over takes five times as long as factorizing again in place
+    where there are no constraints.
     """
 
     def __init__(self, layout: MatrixLayout, nonzeros: Array) -> None:
         self._layout, self._values = layout, _regular(layout, kkt_nonzeros(layout, nonzeros))
-        values = self._values
+
+    @cached_property
+    def _order(self) -> NDInt | None:
+        """The order of rows and columns in the factors; None where CasADi finds it."""
+        return self._layout.solvers.get("order")
+
+    @cached_property
+    def _factors(self) -> tuple[ca.DM, ...]:
+        layout, values = self._layout, self._values
         if layout.size > LARGE_SIZE:
             give_back()  # what the pattern was made with, a sixth of the most that is taken
-        self._order = layout.solvers.get("order")
         if self._order is None:  # the first on this layout finds it
-            self._factors = ca.ldl(_matrix(layout, values))
-            layout.solvers["order"] = np.array(self._factors[2])
-        else:
-            if "ordered" not in layout.solvers:
-                layout.solvers["ordered"] = _reorder(layout.kkt, self._order)
-            sparsity, source = layout.solvers["ordered"]
-            self._factors = ca.ldl(ca.DM(sparsity, memoryview(values[source])), False)  # type: ignore
-        self._dense = ca.Sparsity.dense(layout.size)
+            factors = ca.ldl(_matrix(layout, values))
+            layout.solvers["order"] = np.array(factors[2])
+            return factors
+        if "ordered" not in layout.solvers:
+            layout.solvers["ordered"] = _reorder(layout.kkt, self._order)
+        sparsity, source = layout.solvers["ordered"]
+        return ca.ldl(ca.DM(sparsity, memoryview(values[source])), False)  # type: ignore
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,), or several, (size, c)."""
-        if right.ndim > 1 and self._factors[1].nnz() < COLUMN_FACTORS * self._layout.size:
-            return _solver(self._layout, "ldl", right.shape[1])(self._values, right.T).T
+        layout, factors = self._layout, self._factors if self._layout.keeps_factors else None
+        if right.ndim == 1 and factors is None:
+            return _solver(layout, "ldl")(self._values, right)
+        if factors is None or (right.ndim > 1 and factors[1].nnz() < COLUMN_FACTORS * layout.size):
+            return _solver(layout, "ldl", right.shape[1])(self._values, right.T).T
         right = right if self._order is None else right[self._order]
         if right.ndim > 1:
-            found = ca.ldl_solve(ca.DM(right), *self._factors).full()
+            found = ca.ldl_solve(ca.DM(right), *factors).full()
         else:
-            column = ca.DM(self._dense, memoryview(right))  # type: ignore
-            found = ca.ldl_solve(column, *self._factors).full().ravel()
+            column = ca.DM(ca.Sparsity.dense(layout.size), memoryview(right))  # type: ignore
+            found = ca.ldl_solve(column, *factors).full().ravel()
         if self._order is None:
             return found
         x = np.empty_like(found)
@@ -467,14 +477,8 @@ class _Edged:
         self._spring = size = np.abs(K).max()
         held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
         self._held = K = K + size * held
-        # Without constraints factorizing for each column takes a fifth of what kept factors do.
-        self._factors = SparseFactors(inner, K) if inner.keeps_factors else None
-        if self._factors:
-            self._inner = self._factors.solve
-        elif inner.needs_no_pivoting:
-            self._inner = partial(_solver(inner, "ldl"), _regular(inner, K))
-        else:
-            self._inner = partial(_solver(inner, "qr"), K)
+        self._factors = SparseFactors(inner, K) if inner.needs_no_pivoting else None
+        self._inner = self._factors.solve if self._factors else partial(_solver(inner, "qr"), K)
         E, self._springs = np.zeros((n, springs.size)), springs.size
         E[springs, np.arange(springs.size)] = 1.0
         beside = np.concatenate([R, -size * E], axis=1)
@@ -528,17 +532,22 @@ def _largest(columns: Array) -> NDInt:
     return np.unique(rows).astype(int)
 
 
-def factorize_part(
-    layout: MatrixLayout, nonzeros: Array, keep: NDArray[np.bool_]
-) -> Callable[[Array], Array]:
-    """Return what solves, for (k, c), with the k rows and columns to `keep` (size,)."""
-    number, pattern = np.cumsum(keep) - 1, layout.kkt
-    mine = keep[pattern.row] & keep[pattern.col]
-    size = int(keep.sum())
-    part = Pattern((size, size), number[pattern.row[mine]], number[pattern.col[mine]], mine)
-    values = _regular(layout, kkt_nonzeros(layout, nonzeros))[mine]
-    factors = ca.ldl(ca.DM(part.sparsity, memoryview(values)))  # type: ignore
-    return lambda right: ca.ldl_solve(ca.DM(right), *factors).full()  # type: ignore
+def solve_part(
+    layout: MatrixLayout, nonzeros: Array, keep: NDArray[np.bool_], right: Array
+) -> Array:
+    """Return the solutions (k, c) with the k rows and columns to `keep` (size,).
+
+    The same are kept each time: how they are factorized is found once.
+    """
+    key = f"part {right.shape[1]}"
+    if key not in layout.solvers:
+        number, pattern = np.cumsum(keep) - 1, layout.kkt
+        mine = keep[pattern.row] & keep[pattern.col]
+        shape = int(keep.sum()), int(keep.sum())
+        part = Pattern(shape, number[pattern.row[mine]], number[pattern.col[mine]], mine)
+        layout.solvers[key] = Sparse(part, "ldl", right.shape[1]), mine
+    solver, mine = layout.solvers[key]
+    return solver(_regular(layout, kkt_nonzeros(layout, nonzeros))[mine], right.T).T
 
 
 def negative_eigenvalues(layout: MatrixLayout, nonzeros: Array) -> int:
