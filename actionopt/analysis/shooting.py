@@ -134,11 +134,13 @@ def integrate(
 def _acceleration(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     """Return the accelerations (n, G, K) at q and v, each (n, G, K), and times t (K,)."""
     system, shape, n = problem.system, q.shape, len(q)
-    times = np.broadcast_to(t, shape[1:]).reshape(-1)
-    q, v = q.reshape(n, -1), v.reshape(n, -1)
+    times = t if shape[1] == 1 else np.broadcast_to(t, shape[1:]).reshape(-1)
+    state = q.reshape(n, -1).T, v.reshape(n, -1).T, times[:, None], problem.packed
+    if not system.m and system.has_diagonal_mass:
+        mass, bias = system.pointwise("even_motion")(*state)
+        return np.array((bias / mass).T, dtype=float).reshape(shape)
     try:
-        known = system.pointwise("motion")(q.T, v.T, times[:, None], problem.packed)[:4]
-        a = known[1] / known[0] if n == 1 else solve_motion(*known)[:, :n]
+        a = solve_motion(*system.pointwise("motion")(*state)[:4])[:, :n]
     except np.linalg.LinAlgError:  # one singular motion spoils the batch
         return np.full(shape, np.nan)
     return np.array(a.T, dtype=float).reshape(shape)
