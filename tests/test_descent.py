@@ -69,6 +69,20 @@ def test_an_action_without_a_lowest_value_runs_away(side):
     assert tr.action(result.z) < tr.action(tr.pack(tr.straight()))
 
 
+def test_shifts_below_the_curvature_along_the_last_step_are_not_factorized(monkeypatch):
+    """Each step of a way down an abyss asks for a shift four times the last one: two factors."""
+    tr, tried = transcribed(SPRING, ([0.1], [0.2]), 7.5), []
+
+    def definite(self):
+        tried.append(known(self))
+        return tried[-1]
+
+    known = Factors.definite
+    monkeypatch.setattr(Factors, "definite", definite)
+    assert descend(tr, tr.pack(tr.straight())).runaway
+    assert len(tried) <= 1.7 * sum(tried)
+
+
 def test_a_mass_that_is_not_positive_has_no_lowest_action():
     light = System(lambda q, v, t: -(v[0] ** 2) / 2 - q[0] ** 2 / 2, ["x"])
     tr = transcribed(light, ([1.0], [0.5]), 1.0)

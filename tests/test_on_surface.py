@@ -14,6 +14,7 @@ import actionopt as ao
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.discrete.surfaces import onto
 from actionopt.families import task
 from actionopt.solver import nearest_points
 from actionopt.solver.nearest_points import NEAREST_POINTS
@@ -406,3 +407,14 @@ def test_points_of_many_coordinates_are_looked_for_in_random_directions():
     for start, end in pairs:
         assert start == pytest.approx(2 * np.eye(n)[0])
         assert end @ end == pytest.approx(1)
+
+
+def test_points_on_a_surface_are_found_all_at_once_and_those_that_are_lost_are_left_out():
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    circle = ao.Event(1.0, None, on=lambda q, t: q @ q - t**2)
+    problem = ao.Problem(system, ao.Event(0.0, (3.0, 0.0)), circle)
+    q, t = np.array([[3.0, 0.0], [0.0, 0.0], [0.0, -2.0]]), np.array([1.0, 1.0, 0.5])
+    found = onto(problem, problem.end, q, t, np.ones(2))
+    assert np.isnan(found[1]).all()  # the centre has no slope
+    np.testing.assert_allclose(found[[0, 2]], [[1.0, 0.0], [0.0, -0.5]], atol=1e-15)
+    assert q[0, 0] == 3.0  # what is given stays
