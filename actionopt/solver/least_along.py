@@ -120,11 +120,11 @@ def _search(
         mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
         if problem.through:
             mesh = with_boundaries(mesh, problem.boundaries)
-        guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
         if k == 0 and curve_of is None:
             if drawn := _round_one_body(ws, tol, mesh):
                 yield drawn
             ws.units = None  # of the rows themselves
+        guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
         # The straight line may be a trap, in which Ipopt goes about for long.
         principle = "patient least" if k or len(guesses) == 1 else "least"
         first: list[Iterate] = []
@@ -414,9 +414,8 @@ def _refine_contact(
         ws.hold(arcs, curve, resolved=resolved)
         held = ws.here
         try:
-            reached = curve is None or ws.ease()
-            curve = None
-            if not (reached and ws.follow()):
+            eased, curve = curve is not None, None
+            if not ((not eased or ws.ease()) and ws.follow(joined=eased)):
                 ws.hint = ws.why()
                 if ws.hint == FAMILY and ws.question.integral and ws.question.advance is None:
                     ws.hint = OTHER_VALUES

@@ -246,9 +246,12 @@ class Along(Workspace[Iterate]):
             )
         return np.nan_to_num(lam, posinf=0.0, neginf=0.0).T
 
-    def follow(self, reach: float = np.inf) -> bool:
-        """Polish the path, and the times at which contact begins and ends."""
-        return self._join() and super().follow(reach) and self._at_rest()
+    def follow(self, reach: float = np.inf, *, joined: bool = False) -> bool:
+        """Polish the path, and the times at which contact begins and ends.
+
+        Where `ease` has just `joined` both, the path alone.
+        """
+        return (joined or self._join()) and super().follow(reach) and self._at_rest()
 
     def _at_rest(self) -> bool:
         """Set a path that is zero but for round-off, at rest on an obstacle, to zero."""
