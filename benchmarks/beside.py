@@ -29,7 +29,7 @@ from actionopt.tools.progress import steps
 from benchmarks import child, many
 from benchmarks.problems.lattice import lagrangian as fput
 from benchmarks.results import DOCS, brief, made_by, table
-from benchmarks.scaling import power
+from benchmarks.scaling import LARGEST, power
 
 PAGE = DOCS / "benchmarks" / "beside.md"
 TURNS, ENOUGH, LIMIT, TOL = 3, 1.0, 6.0, 1e-8  # after ENOUGH seconds no turn begins
@@ -343,14 +343,30 @@ def page(found: dict[tuple, dict]) -> str:
         rows = [[*map(str, k[1:]), *cells(x, columns)] for k, x in found.items() if k[0] == part]
         right = range(len(first), len(first) + len(columns))
         lines += ["", f"## {title}", "", *table([*first, *columns], rows, right)]
-    powers = []
-    for asked in product(FAMILIES, ANALYSES):
-        points = {f"{k[3]}": x for k, x in found.items() if k[:3] == ("analysis", *asked)}
-        points = {n: x for n, x in points.items() if "time" in x}
-        powers.append([*asked, *(f"{power(points, key):.1f}" for key in ("time", "memory"))])
+    powers = [
+        [*names, *(f"{power(points, key):.1f}" for key in ("time", "memory"))]
+        for names, points in by_size(found).items()
+        if len(points) >= LARGEST
+    ]
     head = ["family", "what", "time", "memory"]
-    lines += ["", "## Powers of the size, by the largest three", "", *table(head, powers, (2, 3))]
+    title = f"## Powers of the size, by the largest {LARGEST}"
+    lines += ["", title, "", *table(head, powers, (2, 3))]
     return "\n".join(lines) + "\n"
+
+
+def by_size(found: dict[tuple, dict]) -> dict[tuple[str, str], dict[str, dict]]:
+    """Return the rows of what was measured at several sizes, by its names and the size."""
+    rows: dict[tuple[str, str], dict[str, dict]] = {}
+    for (part, *names, last), row in found.items():
+        if "time" not in row:
+            continue
+        if part == "analysis":
+            rows.setdefault((names[0], names[1]), {})[f"{last}"] = row
+        elif part == "several":
+            rows.setdefault((names[0], ""), {})[f"{last}"] = row
+        elif part == "kind":
+            rows.setdefault((names[0], f"to {last:g}"), {})[f"{names[1]}"] = row
+    return rows
 
 
 def main() -> None:
