@@ -180,8 +180,8 @@ def _through_given(
         places, asked = path(times).T, problem.found_at(times)
         for k, event in enumerate(asked.joints_found):
             if len(event.pinned) < problem.system.n:  # there it may be outside of the obstacle
-                given = places[[k]], np.array([event.t])
-                out = onto(asked, event, *given, asked.scales, outside=True)[0]
+                at = places[[k]], np.array([event.t])
+                out = onto(asked, event, *at, asked.scales, outside=True)[0]
                 places[k] = out if np.isfinite(out).all() else places[k]
         pairs = zip(asked.joints_found, places.tolist(), strict=True)
         start, *through, end = (
