@@ -26,7 +26,7 @@ SUFFICIENT_DECREASE = 1e-2  # Armijo's: share of what the gradient promises that
 # A shorter step changes S by its square, 1e-20, which is round-off of S: derived, and on the safe
 # side for curvatures far from one.
 SHORTEST_DESCENT = 1e-10
-SURE = 1e-6  # of Rayleigh's quotient, far above its round-off
+QUOTIENT_ROUNDOFF = 1e-6  # of Rayleigh's quotient, far above its round-off
 SHORTEN, SHORTEST_PART = 3.0, 3e-4  # of a step, for which no factorization is needed
 # Ad hoc: the lowest modes of velocities part from others by squares; S is nearly quadratic so near.
 POWER_STEPS, OFF_SADDLE = 4, 2.0**-7  # in lengths
@@ -68,7 +68,7 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
             H, K = tr.kkt(z), tr.kinetic(z)
             if not (np.isfinite(H).all() and np.isfinite(K).all()):
                 break
-            least = 0.0 if last is None else _least_mu(tr, H, K, last)
+            least = _least_mu(tr, H, K, last) if mu and last is not None else 0.0
             while mu < least or not (factors := _shifted(tr, H, K, mu)).definite():
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:  # or the mass is not positive: then there is no lowest action
@@ -110,7 +110,7 @@ def _least_mu(tr: Transcription, H: Array, K: Array, step: Array) -> float:
     By Rayleigh's quotient, which is nearly the least mu where steps run away: along the last one.
     """
     bend, metric = (float(step @ product(tr.layout, A, step)) for A in (H, K))
-    return -bend / metric * (1 - SURE) if metric > 0 else 0.0
+    return -bend / metric * (1 - QUOTIENT_ROUNDOFF) if metric > 0 else 0.0
 
 
 def _runs_away(tr: Transcription, first: Array, z: Array) -> bool:

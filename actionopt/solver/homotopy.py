@@ -32,7 +32,7 @@ FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
 CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
 # A correction from which the next one, that is to be its square, takes the same factors.
-SIMPLIFIED = 1e-2
+CHORD_CORRECTION = 1e-2
 CURVE_END = 1.5  # an s at which the curve is not near the path any more
 
 
@@ -135,7 +135,7 @@ class HomotopyCurve:
             for k in range(1, CORRECTOR_STEPS + 1):
                 left = tr.residual(z) - (1.0 - s) * self.force
                 try:
-                    if factors is None or slope is None or last > SIMPLIFIED:
+                    if factors is None or slope is None or last > CHORD_CORRECTION:
                         self.count += 1
                         factors = Factors(tr.layout, tr.kkt(z), many=True)
                         miss, slope = factors.solve_both(left, -self.force)
