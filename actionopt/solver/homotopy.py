@@ -31,7 +31,9 @@ RUNAWAY_FORCE, RUNAWAY_CURVE = 100.0, 50.0
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
 CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
-# A correction from which the next one, that is to be its square, takes the same factors.
+# A correction after which the next ones take the same factors. Measured on lattices of 1 to 3
+# masses: as many points with 1e-3 and 1e-2, and 1.8 and 1.2 factorizations each, not 2.8; with 0.1
+# more points.
 CHORD_CORRECTION = 1e-2
 CURVE_END = 1.5  # an s at which the curve is not near the path any more
 
