@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -408,7 +409,7 @@ class SparseFactors:
         return self._layout.solvers.get("order")
 
     @cached_property
-    def _factors(self) -> tuple[ca.DM, ...]:
+    def _factors(self) -> tuple[Any, ...]:
         layout, values = self._layout, self._values
         if layout.size > LARGE_SIZE:
             give_back()  # what the pattern was made with, a sixth of the most that is taken
