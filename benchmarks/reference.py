@@ -102,6 +102,7 @@ def polished(case, ends, v) -> np.ndarray:
     run = Integrator(case.acceleration, case.duration, f"{case.name}, another path")
     Z = tangent(case, ends)
     slope = end_and_slope(case, ends, np.asarray(v, dtype=float), Z, 1e-11)[2]
+    assert slope is not None
     v = np.array([run.number(float(x)) for x in v], dtype=object)
     for _ in range(3):
         path = run.path(ends.start, v, case.times)
@@ -125,14 +126,14 @@ def main() -> None:
         paths[module.NAME] = np.array(
             [run.path(q, v, times).astype(float) for q, v in module.RELEASES]
         )
-    np.savez_compressed(FILE, **paths)
+    np.savez_compressed(FILE, allow_pickle=False, **paths)
     table.cache_clear()
     for name, found in known().items():
         case = problems.load()[name]
         for k, (ends, velocities) in enumerate(zip(case.ends(), found, strict=True)):
             if velocities:
                 paths[f"{name}/{k}"] = np.array([polished(case, ends, v) for v in velocities])
-        np.savez_compressed(FILE, **paths)
+        np.savez_compressed(FILE, allow_pickle=False, **paths)
 
 
 if __name__ == "__main__":

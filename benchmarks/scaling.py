@@ -131,7 +131,9 @@ def waypoints_unknown(count: int) -> dict:
 def duration(T: float) -> dict:
     """Follow a pendulum for a time T through a guess of a tenth of its swing off."""
     scene = scenes.get("pendulum", duration=T)
-    return _timed(scene.problem, guess=lambda t: 0.97 * scene.exact(t))
+    exact = scene.exact
+    assert exact is not None
+    return _timed(scene.problem, guess=lambda t: 0.97 * exact(t))
 
 
 def tolerance(tol: float) -> dict:

@@ -84,7 +84,8 @@ def measure(peer: peers.Peer, case_name: str, start: str, setting, kind: str) ->
     times, errors = [], []
     for k in range(AGAIN):
         ends = both[(k + 1) % 2]
-        answer, seconds, said = _attempt(lambda: peer.again(answer, case, ends, setting))  # noqa: B023
+        last = answer
+        answer, seconds, said = _attempt(lambda: peer.again(last, case, ends, setting))  # noqa: B023
         if answer is None:
             return {"status": said, "time": seconds}
         times.append(seconds)

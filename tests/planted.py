@@ -83,8 +83,9 @@ def peeks(problem, x0):
 
 def looks_up(problem, x0):
     """Look for the answer in what calls, and where functions were evaluated last."""
-    (inside,) = problem.objective.__closure__  # whoever digs may; there is no answer there
-    problem = inside.cell_contents.__self__
+    # Whoever digs may; there is no answer there.
+    inside = [cell.cell_contents for cell in problem.objective.__closure__]
+    (problem,) = (function.__self__ for function in inside if callable(function))
     system, frame = problem.transcription.problem.system, sys._getframe()
     found = [name for name, function in system._pointwise.items() if function._memory.ready]
     found += ["point"] if problem.transcription._point else []

@@ -369,6 +369,23 @@ def test_a_low_step_matters_next_to_a_turning_point():
     assert not path.success  # on the parabola, which is a path without the step
 
 
+def test_a_pulse_that_turns_the_path_is_no_step():
+    """Where elements meet next to the turning point the velocity jumps by its error."""
+    w, c = 1e-3, 0.5945512033131063
+    pulse = ao.System(
+        lambda q, v, t: (
+            v[0] ** 2 / 2 + 3 * np.exp(-(((t - c) / w) ** 2)) / (np.sqrt(np.pi) * w) * q[0]
+        ),
+        ["x"],
+    )
+    problem = ao.Problem(pulse, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
+    path = ao.solve(problem, tol=1e-3)
+    assert (
+        np.abs(path([0.5, c + 5 * w]) - [(3 * c - 2) / 2, 1 - (3 * c + 1) * (1 - c - 5 * w)]).max()
+        < 1e-5
+    )
+
+
 @pytest.mark.slow
 def test_a_step_that_no_node_meets():
     """It is solved where it bends the path little, and else said to be too narrow."""

@@ -196,16 +196,6 @@ def half(t):
 # -- given times -----------------------------------------------------------------------------------
 
 
-@solves("given times", "mesh")
-def _():
-    check(ask(systems.oscillator(), [0], [np.sin(1)]), np.sin, mesh=MESH)
-
-
-@solves("given times", "ipopt")
-def _():
-    check(ask(systems.oscillator(), [0], [np.sin(1)]), np.sin, method="ipopt")
-
-
 @solves("given times", "constraint")
 def _():
     check(quarter(np.pi / 2), np.cos, np.sin, T=np.pi / 2)
@@ -248,18 +238,6 @@ def _():
 def _():
     """One of each."""
     check(ask(systems.particle(), [0], [1], None, energy=2.0), lambda t: 2 * t, T=0.5)
-
-
-@solves("given times", "trace")
-def _():
-    found = ao.trace(ask(systems.oscillator(), [0], [1]), ("end", "x"), 3.0)
-    assert found.actions[-1] == pytest.approx(4.5 / np.tan(1), rel=KNOWN)
-
-
-@solves("given times", "sweep")
-def _():
-    found = ao.sweep(ask(systems.oscillator(), [0], [1]), {("end", "x"): [1.0, 3.0]})
-    assert found.action == pytest.approx(np.array([0.5, 4.5]) / np.tan(1), rel=KNOWN)
 
 
 # -- free times ------------------------------------------------------------------------------------
@@ -376,18 +354,6 @@ def _():
 def _():
     sol = check(rising(), np.sin, T=np.pi / 6, method="ipopt")
     assert sol.stats["rung"] == "ipopt"
-
-
-@solves("free time", "trace")
-def _():
-    found = ao.trace(ask(systems.particle(), [0], [1], None, energy=2.0), "energy", 8.0)
-    assert found.solution(-1).duration == pytest.approx(0.25, rel=KNOWN)
-
-
-@solves("free time", "sweep")
-def _():
-    found = ao.sweep(ask(systems.particle(), [0], [1], None, energy=2.0), {"energy": [2.0, 8.0]})
-    assert found.solution(1).duration == pytest.approx(0.25, rel=KNOWN)
 
 
 # -- infinite times --------------------------------------------------------------------------------
@@ -542,16 +508,6 @@ def _():
     assert ao.solve(kink(), method="ipopt").action == pytest.approx(4 / 3, rel=KNOWN)
 
 
-@solves("infinite time", "trace")
-def _():
-    assert ao.trace(kink(), "a", 2.0).actions[-1] == pytest.approx(8 / 3, rel=KNOWN)
-
-
-@solves("infinite time", "sweep")
-def _():
-    assert ao.sweep(kink(), {"a": [1.0, 2.0]}).action == pytest.approx([4 / 3, 8 / 3], rel=KNOWN)
-
-
 # -- closed paths ----------------------------------------------------------------------------------
 
 
@@ -627,29 +583,6 @@ def _():
     check(returning(drag=True), lambda t: (np.exp(1j * t) / (1j - 2)).real, T=2 * np.pi)
 
 
-@solves("closed", "mesh")
-def _():
-    mesh = ao.Mesh.uniform(0, 2 * np.pi, 12, 8)
-    check(returning(), lambda t: -np.cos(t) / 2, T=2 * np.pi, mesh=mesh)
-
-
-@solves("closed", "ipopt")
-def _():
-    check(returning(), lambda t: -np.cos(t) / 2, T=2 * np.pi, method="ipopt")
-
-
-@solves("closed", "trace")
-def _():
-    found = ao.trace(returning(), "a", 3.0)
-    assert found.solution(-1)(0.0) == pytest.approx([-1.5], rel=KNOWN)
-
-
-@solves("closed", "sweep")
-def _():
-    found = ao.sweep(returning(), {"a": [1.0, 3.0]})
-    assert found.solution(1)(0.0) == pytest.approx([-1.5], rel=KNOWN)
-
-
 # -- surfaces --------------------------------------------------------------------------------------
 
 
@@ -680,26 +613,6 @@ def _():
     check(onto(dragged("x y"), line()), *known)
 
 
-@solves("surface", "mesh")
-def _():
-    assert check(sloped(), half, half, mesh=MESH).mesh.elements == MESH.elements
-
-
-@solves("surface", "ipopt")
-def _():
-    check(sloped(), half, half, method="ipopt")
-
-
-@solves("surface", "trace")
-def _():
-    assert ao.trace(sloped(), "s", 2.0).actions[-1] == pytest.approx(1.0, rel=KNOWN)
-
-
-@solves("surface", "sweep")
-def _():
-    assert ao.sweep(sloped(), {"s": [1.0, 2.0]}).action == pytest.approx([0.25, 1.0], rel=KNOWN)
-
-
 # -- obstacles -------------------------------------------------------------------------------------
 
 
@@ -726,17 +639,6 @@ def _():
 )
 def _():
     systems.particle(force=lambda q, v, t: -v, obstacle=lambda q, t: q[0])
-
-
-@solves("obstacle", "mesh")
-def _():
-    """Elements end where contact begins as well."""
-    check(over_floor(), drop, T=2.0, mesh=ao.Mesh.uniform(0, 2, 5, 4))
-
-
-@solves("obstacle", "ipopt")
-def _():
-    check(over_floor(), drop, T=2.0, method="ipopt")
 
 
 @solves("obstacle", "trace")
@@ -789,77 +691,12 @@ def _():
     check(quarter(force=lambda q, v, t: -v), *known)
 
 
-@solves("constraint", "mesh")
-def _():
-    check(quarter(), *[lambda t, f=f: f(t * np.pi / 2) for f in (np.cos, np.sin)], mesh=MESH)
-
-
-@solves("constraint", "ipopt")
-def _():
-    check(quarter(), *[lambda t, f=f: f(t * np.pi / 2) for f in (np.cos, np.sin)], method="ipopt")
-
-
-@solves("constraint", "trace")
-def _():
-    assert ao.trace(quarter(), "t1", 2.0).actions[-1] == pytest.approx(np.pi**2 / 16, rel=KNOWN)
-
-
-@solves("constraint", "sweep")
-def _():
-    found = ao.sweep(quarter(), {"t1": [1.0, 2.0]})
-    assert found.action == pytest.approx([np.pi**2 / 8, np.pi**2 / 16], rel=KNOWN)
-
-
 @solves("clock", "force")
 def _():
     """x'' + x' = t: x = t^2 / 2 - t + c (1 - exp(-t))."""
     system = ao.System(lambda q, v, t: v @ v / 2 + q[0] * t, ["x"], force=lambda q, v, t: -v)
     known = lambda t: t**2 / 2 - t + 2 * (1 - np.exp(-t))  # noqa: E731
     check(ask(system, [0], [known(1)]), known)
-
-
-@solves("clock", "mesh")
-def _():
-    check(ask(falling(), [0], [1]), lambda t: 5 / 6 * t + t**3 / 6, mesh=MESH)
-
-
-@solves("clock", "ipopt")
-def _():
-    check(ask(falling(), [0], [1]), lambda t: 5 / 6 * t + t**3 / 6, method="ipopt")
-
-
-@solves("clock", "trace")
-def _():
-    found = ao.trace(ask(falling(), [0], [1]), "t1", 2.0).solution(-1)
-    assert found(1.0) == pytest.approx([(1 - 8 / 6) / 2 + 1 / 6], abs=KNOWN)
-
-
-@solves("clock", "sweep")
-def _():
-    found = ao.sweep(ask(falling(), [0], [1]), {"t1": [1.0, 2.0]}).solution(1)
-    assert found(1.0) == pytest.approx([(1 - 8 / 6) / 2 + 1 / 6], abs=KNOWN)
-
-
-@solves("force", "mesh")
-def _():
-    check(ask(dragged(), [0], [1 - np.exp(-1)]), lambda t: 1 - np.exp(-t), mesh=MESH)
-
-
-@solves("force", "ipopt")
-def _():
-    check(ask(dragged(), [0], [1 - np.exp(-1)]), lambda t: 1 - np.exp(-t), method="ipopt")
-
-
-@solves("force", "trace")
-def _():
-    found = ao.trace(ask(dragged(), [0], [1]), "t1", 2.0).solution(-1)
-    assert found(1.0) == pytest.approx([(1 - np.exp(-1)) / (1 - np.exp(-2))], rel=KNOWN)
-
-
-@solves("force", "sweep")
-def _():
-    found = ao.sweep(ask(dragged(), [0], [1]), {"t1": [1.0, 2.0]}).solution(1)
-    assert found(1.0) == pytest.approx([(1 - np.exp(-1)) / (1 - np.exp(-2))], rel=KNOWN)
 
 
 # -- integrals that are given ----------------------------------------------------------------------
@@ -972,18 +809,6 @@ def _():
     ao.solve(arched(), method="ipopt")
 
 
-@solves("trace", "integral")
-def _():
-    found = ao.trace(arched(), ("integral", 0), 1.0)
-    assert found.actions[-1] == pytest.approx(6.0, rel=KNOWN)
-
-
-@solves("sweep", "integral")
-def _():
-    found = ao.sweep(arched(), {("integral", 0): [0.5, 1.0]})
-    assert found.action == pytest.approx([1.5, 6.0], rel=KNOWN)
-
-
 # -- accelerations ---------------------------------------------------------------------------------
 
 
@@ -1089,18 +914,6 @@ def _():
     ao.solve(clamped(beam(), [0], [1]), method="ipopt")
 
 
-@solves("trace", "accelerations")
-def _():
-    found = ao.trace(clamped(beam(), [0], [1]), "t1", 2.0)
-    assert found.actions[-1] == pytest.approx(0.75, rel=KNOWN)
-
-
-@solves("sweep", "accelerations")
-def _():
-    found = ao.sweep(clamped(beam(), [0], [1]), {"t1": [1.0, 2.0]})
-    assert found.action == pytest.approx([6.0, 0.75], rel=KNOWN)
-
-
 @solves("integral", "accelerations")
 def _():
     """The fourth derivative is minus the multiplier: S = 360 J^2."""
@@ -1110,6 +923,87 @@ def _():
 
 
 # -- ways to solve ---------------------------------------------------------------------------------
+
+# Of a kind: a question, its answer and duration, and a mesh.
+ANSWERS = {
+    "given times": (lambda: ask(systems.oscillator(), [0], [np.sin(1)]), [np.sin], 1.0, MESH),
+    "closed": (
+        *(returning, [lambda t: -np.cos(t) / 2], 2 * np.pi),
+        ao.Mesh.uniform(0, 2 * np.pi, 12, 8),
+    ),
+    "surface": (sloped, [half, half], 1.0, MESH),
+    # Its elements end where contact begins as well.
+    "obstacle": (over_floor, [drop], 2.0, ao.Mesh.uniform(0, 2, 5, 4)),
+    "constraint": (
+        *(quarter, [lambda t, f=f: f(t * np.pi / 2) for f in (np.cos, np.sin)], 1.0, MESH),
+    ),
+    "clock": (lambda: ask(falling(), [0], [1]), [lambda t: 5 / 6 * t + t**3 / 6], 1.0, MESH),
+    "force": (
+        lambda: ask(dragged(), [0], [1 - np.exp(-1)]),
+        *([lambda t: 1 - np.exp(-t)], 1.0, MESH),
+    ),
+}
+for kind, answer in ANSWERS.items():
+
+    @solves(kind, "mesh")
+    def _(kind=kind, answer=answer):
+        question, curves, T, mesh = answer
+        sol = check(question(), *curves, T=T, mesh=mesh)
+        assert kind == "obstacle" or sol.mesh.elements == mesh.elements
+
+    @solves(kind, "ipopt")
+    def _(answer=answer):
+        question, curves, T, _ = answer
+        check(question(), *curves, T=T, method="ipopt")
+
+
+def action(sol):
+    return sol.action
+
+
+def place_at_one(sol):
+    return sol(1.0)[0]
+
+
+# Of a kind: a question, what varies from a first value to a last one, and a number at both.
+CHANGES = {
+    "given times": (
+        lambda: ask(systems.oscillator(), [0], [1]),
+        *(("end", "x"), (1.0, 3.0), action, (0.5 / np.tan(1), 4.5 / np.tan(1))),
+    ),
+    "free time": (
+        lambda: ask(systems.particle(), [0], [1], None, energy=2.0),
+        *("energy", (2.0, 8.0), lambda sol: sol.duration, (0.5, 0.25)),
+    ),
+    "infinite time": (kink, "a", (1.0, 2.0), action, (4 / 3, 8 / 3)),
+    "closed": (returning, "a", (1.0, 3.0), lambda sol: sol(0.0)[0], (-0.5, -1.5)),
+    "surface": (sloped, "s", (1.0, 2.0), action, (0.25, 1.0)),
+    "constraint": (quarter, "t1", (1.0, 2.0), action, (np.pi**2 / 8, np.pi**2 / 16)),
+    "clock": (lambda: ask(falling(), [0], [1]), "t1", (1.0, 2.0), place_at_one, (1.0, 0.0)),
+    "force": (
+        lambda: ask(dragged(), [0], [1]),
+        *("t1", (1.0, 2.0), place_at_one, (1.0, (1 - np.exp(-1)) / (1 - np.exp(-2)))),
+    ),
+    "integral": (arched, ("integral", 0), (0.5, 1.0), action, (1.5, 6.0)),
+    "accelerations": (
+        lambda: clamped(beam(), [0], [1]),
+        *("t1", (1.0, 2.0), action, (6.0, 0.75)),
+    ),
+}
+for kind, change in CHANGES.items():
+
+    @solves(kind, "trace")
+    def _(change=change):
+        question, name, (_, last), read, (_, known) = change
+        found = ao.trace(question(), name, last).solution(-1)
+        assert read(found) == pytest.approx(known, rel=KNOWN, abs=KNOWN)
+
+    @solves(kind, "sweep")
+    def _(change=change):
+        question, name, values, read, known = change
+        found = ao.sweep(question(), {name: list(values)})
+        numbers = [read(found.solution(k)) for k in range(2)]
+        assert numbers == pytest.approx(known, rel=KNOWN, abs=KNOWN)
 
 
 @solves("mesh", "ipopt")

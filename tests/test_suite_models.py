@@ -117,6 +117,21 @@ def slope_is(slope):
     return np.flatnonzero(np.abs(slope) > 1e-9)
 
 
+@pytest.mark.quick("blocks_by_hand", "beam_on_supports")
+@pytest.mark.parametrize("name", FEASIBLE)
+def test_what_is_met_has_independent_gradients_unless_the_tags_say_otherwise(name):
+    problem = suite.model(name)
+    x, u = problem.x_star, problem.unit
+    J, met = jacobian(problem, x).toarray() * u, np.zeros(problem.m, dtype=bool)
+    for side in problem.constraint_bounds:
+        met |= np.abs(problem.constraints(x) - side) <= 1e-9
+    at = np.min(np.abs(x - problem.bounds), axis=0) <= 1e-9 * u
+    rows = np.vstack([J[met] / np.linalg.norm(J[met], axis=1)[:, None], np.eye(problem.n)[at]])
+    independent = not rows.size or np.linalg.matrix_rank(rows, tol=1e-8) == len(rows)
+    assert independent == ("LICQ fails" not in problem.tags)
+    assert not {"MFCQ fails"} & set(problem.tags) or not independent
+
+
 @pytest.mark.slow
 def test_models_are_run_and_written_by_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -4,6 +4,7 @@ import json
 import re
 import runpy
 import signal
+import subprocess
 import sys
 import time
 import types
@@ -19,6 +20,7 @@ from actionopt.cli import main
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell, attempt, evaluate, limit
 from actionopt.suite.expression import nlp
+from actionopt.suite.program import Given
 from actionopt.suite.runner import Limits
 from actionopt.suite.verdict import SAME_POINT, verdict
 from actionopt.tools import process
@@ -64,6 +66,28 @@ def test_what_a_solver_is_given_leaves_no_way_round_the_counts():
     record = evaluate(planted("hides"))
     assert record["outcome"] == "answered", record
     assert record["evaluations"] == {"f": 3} and record["history"][0][0] == 1
+
+
+def test_functions_are_refused_in_a_process_where_they_are_not_counted(monkeypatch):
+    problem = suite.get("pendulum").view()
+    given = Given(problem)
+    given.objective(np.zeros(given.n))
+    monkeypatch.setattr("os.getpid", lambda: -1)  # as after a fork
+    with pytest.raises(RuntimeError, match="expected calls in the process of the solver"):
+        given.objective(np.zeros(given.n))
+    assert problem.counts == {"f": 1}
+
+
+def test_what_a_solver_says_of_the_problem_is_not_taken_for_true(tmp_path, monkeypatch):
+    """A process may say anything: only what it found is taken from it."""
+    monkeypatch.setattr(runner.process, "run", lambda *arguments, **limits: dict(FORGED))
+    (record,) = runner.run([Cell("ipopt", "pendulum")], tmp_path / "r.jsonl")
+    assert (record["solver"], record["n"], record["unbounded"]) == ("ipopt", 31, False)
+    assert verdict(record, "minimise") == "wrong"
+
+
+FORGED = {"outcome": "answered", "said": "unbounded", "x": [0.0] * 31, "evaluations": {}}
+FORGED |= {"solver": "other", "n": 1, "unbounded": True, "far_below": True, "allowed": 99}
 
 
 @pytest.mark.quick("sleqp")
@@ -144,6 +168,18 @@ def test_time_is_that_of_the_processor_of_the_program_and_those_it_calls(tmp_pat
     assert found == ["failed"] and records[0]["word"] == "no answer in 5 s of the clock"
     assert records[0]["processor"] < 4 and records[0]["wall"] >= 5
     assert not runner._holds(records[0], Limits(4, 4))  # it may have been the machine
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="no /proc")
+def test_time_of_a_child_that_nobody_waits_for_is_counted():
+    child = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        begin, late = process.children_time(), time.monotonic() + 20
+        while process.children_time() < begin + 0.05:
+            assert time.monotonic() < late
+    finally:
+        child.kill()
+        child.wait()
 
 
 @pytest.mark.slow

@@ -14,6 +14,8 @@ from actionopt.suite.verdict import ACCURACIES, SAME_POINT, VERDICT_MODES, exami
 
 PLANTED = str(Path(__file__).with_name("planted.py"))
 SAMPLE = ("pendulum", "rod_pendulum", "oscillator_conjugate", "disc", "string_floor_bounds")
+LONG_TO_MAKE = "goddard_rocket"
+FEASIBLE_MODELS = [name for name in suite.MODELS if not suite.model(name).infeasible]
 
 
 def planted(name, problem="pendulum"):
@@ -112,17 +114,19 @@ def test_success_in_tiny_units_is_no_success():
     assert judge(problem, answer.x, answer.said) == "wrong"
 
 
-@pytest.mark.quick("pendulum", "oscillator_conjugate", "string_floor_bounds")
+@pytest.mark.quick("pendulum", "oscillator_conjugate", "string_floor_bounds", "beam_on_supports")
 @pytest.mark.parametrize(
     "name",
     [
         *SAMPLE,
+        *(n for n in FEASIBLE_MODELS if n != LONG_TO_MAKE),
+        pytest.param(LONG_TO_MAKE, marks=pytest.mark.slow),
         *(pytest.param(n, marks=pytest.mark.slow) for n in suite.FAMILIES if n not in SAMPLE),
     ],
 )
 def test_one_noise_flips_the_verdict_of_every_member(name):
-    """Whatever there is of constraints, contacts, units, stiffness."""
-    problem = suite.get(name)
+    """Whatever there is of constraints, contacts, units, stiffness, and of models."""
+    problem = suite.member(name)
     noise = np.random.default_rng(5).uniform(-1, 1, problem.n)
     noise -= problem.flat @ (problem.flat.T @ noise)
     noise *= problem.unit / np.max(np.abs(noise))

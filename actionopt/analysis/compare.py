@@ -28,7 +28,14 @@ from actionopt.analysis.flow import (
     IntegrationError,
     span_within,
 )
-from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, begin_leg, follow, restarts
+from actionopt.analysis.forward import (
+    LENGTH_RATIO,
+    NARROWEST_PART,
+    ForwardMotion,
+    begin_leg,
+    follow,
+    restarts,
+)
 from actionopt.analysis.picard import FlowAbout, PicardIntegrator
 from actionopt.analysis.second_variation import tangent
 from actionopt.analysis.series import begins_singular
@@ -176,6 +183,11 @@ class Claim(Protocol):
     def velocity(self, t: ArrayLike) -> Array: ...  # noqa: D102
 
 
+OF_NO_MOTION = dict.fromkeys(
+    ("position", "velocity", "arrival", "energy_drift", "reference_error", "amplified"), np.nan
+)
+
+
 def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) -> Comparison:
     """Compare a solution with forward integrations from its own states.
 
@@ -211,21 +223,8 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     problem, start, mesh = solution.problem, solution.start, solution.mesh
     span = problem.duration
     flow = FlowAbout(problem.system, problem.parameters, solution)
-    motion, reason, last = None, "", start.t
-    try:
-        motion = follow(flow, start, problem.end.t, tol=tol, mesh=mesh, kinks=True)
-        rows = motion.legs[-1].units.rows
-    except IntegrationError as error:
-        reason, last = str(error), error.t
-        begun = start
-        if begins_singular(flow, start, problem.end.t):  # the mass vanishes there
-            t = float(mesh.boundaries[1])
-            begun = State(t, solution(t), solution.velocity(t))
-        rows = flow.first_units(begun, span).rows
-    except ValueError as error:  # the constraints do not allow it, or no acceleration is finite
-        reason = f"the motion cannot be begun: {error}"
-        rows = np.ones(flow.system.n + flow.system.m)
-    t = (mesh if motion is None else motion.path.mesh).nodes
+    motion, rows = _follow_whole(flow, solution, tol)
+    t = (mesh if isinstance(motion, IntegrationError) else motion.path.mesh).nodes
     q, v = solution(t), solution.velocity(t)
     units = _units(q, v, rows, span)
     sizes = units.q[:count]
@@ -237,19 +236,10 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
         solution, flow, instants, units.above(noise, span * CVODES_LONGEST, PIECE_TOL)
     )
     local, unknown = _piece_by_piece(solution, parts, units, allowed, count)
-    if motion is None:
-        found = Comparison(
-            position=np.nan,
-            velocity=np.nan,
-            arrival=np.nan,
-            local=local,
-            energy_drift=np.nan,
-            reference_error=np.nan,
-            allowed=allowed,
-            amplified=np.nan,
-            path=_as_far(flow, start, mesh, last),
-        )
-        return found if local > allowed else replace(found, reason=reason + UNTOLD)
+    if isinstance(motion, IntegrationError):
+        path = _as_far(flow, start, mesh, motion.t)
+        found = Comparison(**OF_NO_MOTION, local=local, allowed=allowed, path=path)
+        return found if local > allowed else replace(found, reason=str(motion) + UNTOLD)
     path, smooth = motion.path, parts.smooth(t)
     assert path.velocities is not None
     position = _deviation(q, path(t), sizes)  # at t as it is rounded
@@ -279,6 +269,28 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     if unknown and not found.agrees and not doubted and found._is_explained:
         return replace(found, reason=unknown + UNTOLD)
     return found
+
+
+def _follow_whole(
+    flow: Flow, solution: Claim, tol: float
+) -> tuple[ForwardMotion | IntegrationError, Array]:
+    """Return the motion from the start to the end, or why and from where on there is none.
+
+    And the units of its equations, (n + m,).
+    """
+    start, end, mesh = solution.start, solution.problem.end.t, solution.mesh
+    try:
+        motion = follow(flow, start, end, tol=tol, mesh=mesh, kinks=True)
+        return motion, motion.legs[-1].units.rows
+    except IntegrationError as error:
+        begun = start
+        if begins_singular(flow, start, end):  # the mass vanishes there
+            t = float(mesh.boundaries[1])
+            begun = State(t, solution(t), solution.velocity(t))
+        return error, flow.first_units(begun, solution.problem.duration).rows
+    except ValueError as error:  # the constraints do not allow it, or no acceleration is finite
+        failure = IntegrationError(f"the motion cannot be begun: {error}", start.t)
+        return failure, np.ones(flow.system.n + flow.system.m)
 
 
 def _ends_without_motion(solution: Claim) -> tuple[bool, bool]:

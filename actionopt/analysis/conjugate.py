@@ -22,7 +22,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from actionopt.analysis.full_form import FORM_ROUNDS, form_until
 from actionopt.analysis.index import NEAR_ZERO, tolerance_of
 from actionopt.analysis.jacobi import fields, resolve
-from actionopt.analysis.passage import begin, carry, pinned
+from actionopt.analysis.passage import begin, carry, count_pinned
 from actionopt.analysis.regular import regular_index
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
 from actionopt.analysis.second_variation import form as form_of
@@ -163,7 +163,7 @@ class Phases:
 
     def __init__(self, form: Form, plane: Array | None = None) -> None:
         self.form, self.mesh = form, form.tr.mesh
-        self.held = form.pinned[0] if plane is None else pinned(plane)
+        self.held = form.pinned[0] if plane is None else count_pinned(plane)
         self.jacobi, self.last = fields(form, plane)
 
     def __call__(self, t: Array) -> Array:

@@ -60,7 +60,7 @@ def carry(solution: Solution, k: int, plane: Array, before: Form, after: Form) -
     return _into(after, _meet(solution, k, fields, Side(before, -1), Side(after, 0)))
 
 
-def pinned(plane: Array) -> int:
+def count_pinned(plane: Array) -> int:
     """Return in how many directions the fields of a plane (2r, r) vanish."""
     r = plane.shape[1]
     return r - int(np.sum(np.linalg.svd(plane[:r], compute_uv=False) > PINNED))

@@ -144,9 +144,33 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     Raises ValueError for a system with non-conservative forces, or a path along which L is not
     finite.
     """
-    tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
-    system = problem.system
-    if system.structure.forced:
+    tr, problem = at.tr, at.problem
+    _check_action(problem)
+    q, v = tr.state(at.Q)
+    A, B, C, S = coefficients(problem, q, v, tr.times)
+    if problem.system.m:
+        lam = np.concatenate([at.lam[:-1], at.lam[:1]]) if tr.layout.closed else at.lam
+        A = A + curvature(problem, q, _inner(at, lam)[tr.layout.node_of], tr.times)
+    finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
+    if not finite.all():
+        raise ValueError(
+            "expected finite second derivatives of L along the path, found none at t = "
+            f"{tr.times[np.argmin(finite), 0]:.6g}: it runs into a singularity there, such as a "
+            "collision, and its neighbours are not determined"
+        )
+    units = _units_of(at, units, C)
+    basis, pinned = _bases(at, units)
+    scale = units[:, None] * units
+    A, B, C = (x * scale for x in (A, B, C))
+    elements, kinetic = _element_forms(at, (A, B, C), basis, max(pinned) < basis.shape[2])
+    _add_boundary_terms(at, elements, basis, scale, S, phase=phase)
+    legendre, frequency = _local_scales(at, (A, B, C), basis)
+    return Form(at, units, basis, pinned, elements, kinetic, legendre, frequency)
+
+
+def _check_action(problem: Problem) -> None:
+    """Raise ValueError where there is no action of which to take a second variation."""
+    if problem.system.structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces, found one that has some: its "
             "paths are not stationary points of an action, so that they have no second variation "
@@ -158,91 +182,119 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
             "expected a path that touches no obstacle, found one that does: its second variation "
             "is that of the free part, of which only the index is counted (morse_index)"
         )
-    given = units
-    units = tr.lengths if units is None else np.asarray(units, dtype=float)
-    q, v = tr.state(Q)
-    A, B, C, S = coefficients(problem, q, v, tr.times)
-    if system.m:
-        lam = np.concatenate([at.lam[:-1], at.lam[:1]]) if layout.closed else at.lam
-        lam = _inner(at, lam)
-        A = A + curvature(problem, q, lam[layout.node_of], tr.times)
-    finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
-    if not finite.all():
-        raise ValueError(
-            "expected finite second derivatives of L along the path, found none at t = "
-            f"{tr.times[np.argmin(finite), 0]:.6g}: it runs into a singularity there, such as a "
-            "collision, and its neighbours are not determined"
-        )
+
+
+def _units_of(at: DiscretePath, given: Array | None, mass: Array) -> Array:
+    """Return the units (n,) of the coordinates: those given, or units of equal inertia.
+
+    A small coordinate has no less inertia; `mass` (evaluations, n, n) is L_vv. Coordinates that
+    take each other's place along a closed path have one unit.
+    """
+    units = at.tr.lengths if given is None else np.asarray(given, dtype=float)
     if given is None:
-        # Units of equal inertia: a small coordinate has no less of it.
-        inertia = np.abs(np.diagonal(C, axis1=1, axis2=2)).mean(axis=0)
+        inertia = np.abs(np.diagonal(mass, axis1=1, axis2=2)).mean(axis=0)
         size = (units * np.sqrt(inertia)).max()
         units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)
-    if layout.closed:  # coordinates that take each other's place have one unit
-        order = list(layout.closed)
-        for _ in order:
-            units = np.maximum(units, units[order])
-    basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
-    sides = []
+    order = list(at.tr.layout.closed)
+    for _ in order:
+        units = np.maximum(units, units[order])
+    return units
+
+
+def _bases(at: DiscretePath, units: Array) -> tuple[Array, tuple[int, int]]:
+    """Return a basis (K, n, r) of what constraints and ends allow at the nodes.
+
+    And how many of its columns each end pins: they come first there.
+    """
+    problem, closed = at.problem, at.tr.layout.closed
+    basis = tangent(problem, at.Q, at.tr.mesh.nodes[:, None], units).copy()
+    pinned = [0, 0]
     for k, event in enumerate((problem.start, problem.end)):
         asked = problem.surfaces[k]
         normals = None if asked is None else surface_at(at, -k)[1] * units
-        basis[-k], count = _pinned_first(basis[-k], (asked or event).pinned, normals)
-        sides.append(count)
-    if layout.closed:
-        basis[-1] = basis[0, list(layout.closed)]
-    pinned = (sides[0], sides[1])
-    loose = max(pinned) < basis.shape[2]
-    scale = units[:, None] * units
+        basis[-k], pinned[k] = _pinned_first(basis[-k], (asked or event).pinned, normals)
+    if closed:
+        basis[-1] = basis[0, list(closed)]
+    return basis, (pinned[0], pinned[1])
+
+
+def _element_forms(
+    at: DiscretePath, coefficients: tuple[Array, ...], basis: Array, loose: bool
+) -> tuple[list[Array], list[Array]]:
+    """Return the second variation of each element on its basis, and its kinetic part.
+
+    Where both ends leave something `loose`, a constant variation has no rates: its kinetic part is
+    int eta.L_vv eta dt / T^2.
+    """
+    tr, n = at.tr, at.problem.system.n
     elements: list[Array] = [np.empty(0)] * tr.mesh.elements
     kinetic: list[Array] = [np.empty(0)] * tr.mesh.elements
-    for g in layout.groups:
+    for g in tr.layout.groups:
         check_time()
-        a, b, c = (x[g.span].reshape(*g.nodes.shape, *scale.shape) * scale for x in (A, B, C))
+        a, b, c = (x[g.span].reshape(*g.nodes.shape, n, n) for x in coefficients)
         rate = _kinetic(g, c, tr.half[g.elements])
         whole = rate + _rest(g, a, b, tr.half[g.elements])
         if loose:
-            rate = rate + _rest(g, c / problem.duration**2, 0 * b, tr.half[g.elements])
+            rate = rate + _rest(g, c / at.problem.duration**2, 0 * b, tr.half[g.elements])
         Z = basis[g.nodes]
         for target, local in ((elements, whole), (kinetic, rate)):
             check_time()
             reduced = _reduce(local, Z)
             for e, block in zip(g.elements, reduced, strict=True):
                 target[e] = block
-    if S is not None:
-        ends = [int(np.flatnonzero(layout.node_of == k)[0]) for k in (0, tr.mesh.offsets[-1])]
-        for e, k, sign in ((0, 0, -1.0), (-1, -1, 1.0)):
-            r = basis.shape[2]
-            block = slice(None, r) if k == 0 else slice(-r, None)
-            elements[e][block, block] += sign * basis[k].T @ (S[ends[k]] * scale) @ basis[k]
-    for term in tr.nodal:
-        if term.phase and not phase:
-            continue
-        r = basis.shape[2]
-        e, block = (
-            (0, slice(None, r)) if term.boundary == 0 else (term.boundary - 1, slice(-r, None))
-        )
-        pull = basis[term.node].T @ (term.matrix * scale) @ basis[term.node]
+    return elements, kinetic
+
+
+def _add_boundary_terms(
+    at: DiscretePath,
+    elements: list[Array],
+    basis: Array,
+    scale: Array,
+    coupling: Array | None,
+    *,
+    phase: bool,
+) -> None:
+    """Add terms of single boundaries to the elements there: of the ends, `nodal` ones, of surfaces.
+
+    `coupling` (evaluations, n, n) is the S of `coefficients`, which only the ends feel.
+    """
+    tr, problem = at.tr, at.problem
+
+    def add(boundary: int, matrix: Array) -> None:
+        r = len(matrix)
+        e, place = (boundary - 1, slice(-r, None)) if boundary else (0, slice(None, r))
         elements[e] = elements[e].copy()
-        elements[e][block, block] += pull
+        elements[e][place, place] += matrix
+
+    last = tr.mesh.elements
+    if coupling is not None:
+        for k, boundary, sign in ((0, 0, -1.0), (-1, last, 1.0)):
+            first = np.flatnonzero(tr.layout.node_of == (tr.mesh.offsets[-1] if boundary else 0))[0]
+            add(boundary, sign * basis[k].T @ (coupling[first] * scale) @ basis[k])
+    for term in tr.nodal:
+        if phase or not term.phase:
+            Z = basis[term.node]
+            add(term.boundary, Z.T @ (term.matrix * scale) @ Z)
     for k, asked in enumerate(problem.surfaces):
         if asked is not None:
-            r = basis.shape[2]
-            block = slice(-r, None) if k else slice(None, r)
-            elements[-k] = elements[-k].copy()
-            elements[-k][block, block] += basis[-k].T @ (_bend(at, k) * scale) @ basis[-k]
-    Z = basis[layout.node_of]
-    legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
+            add(k * last, basis[-k].T @ (_bend(at, k) * scale) @ basis[-k])
+
+
+def _local_scales(
+    at: DiscretePath, coefficients: tuple[Array, ...], basis: Array
+) -> tuple[Array, float]:
+    """Return the eigenvalues of L_vv on the basis, (evaluations, r), and a typical frequency."""
+    A, B, C = coefficients
+    Z = basis[at.tr.layout.node_of]
+    legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ C @ Z)
     mass = np.maximum(
         np.abs(legendre), RANK * np.abs(legendre).max(axis=1, initial=0, keepdims=True)
     )
     unit = Z @ (vectors / np.sqrt(np.where(mass > 0, mass, 1.0))[:, None, :])
     stiff, mixed = (
-        np.linalg.norm(np.swapaxes(unit, 1, 2) @ (X * scale) @ unit, axis=(1, 2)).mean()
-        for X in (A, B)
+        np.linalg.norm(np.swapaxes(unit, 1, 2) @ X @ unit, axis=(1, 2)).mean() for X in (A, B)
     )
-    frequency = float(1 / problem.duration + np.sqrt(stiff) + mixed)
-    return Form(at, units, basis, pinned, elements, kinetic, legendre, frequency)
+    return legendre, float(1 / at.problem.duration + np.sqrt(stiff) + mixed)
 
 
 def coefficients(

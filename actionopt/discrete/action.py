@@ -149,20 +149,24 @@ class Action:
         self.action_unit, self.row_units = (
             self._units() if like is None else (like.action_unit, like.row_units)
         )
-        if layout.rows and self.order > 1:
-            self.row_weight = self._row_weights()
-            weight = self.row_weight[layout.row_node, layout.row_constraint // problem.system.m]
-            self.row_unit = weight * self.row_units[layout.row_constraint]
-        elif layout.rows:
-            node_weight = np.bincount(layout.node_of, weight, layout.node_count)
-            if layout.closed:
-                node_weight[0] += node_weight[-1]
-            self.row_weight = node_weight[layout.row_nodes][:, None]
-            # Rows w f are scaled to gradients of size one, whatever the element's length.
-            self.row_unit = node_weight[layout.row_node] * self.row_units[layout.row_constraint]
-        else:
-            self.row_weight, self.row_unit = np.zeros((0, 1)), np.zeros(0)
+        self.row_weight, self.row_unit = self._row_measures(weight)
         self.mu_unit = self.action_unit / self.row_unit
+
+    def _row_measures(self, weight: Array) -> tuple[Array, Array]:
+        """Return the weights of the rows, and the units of each, by those of evaluations."""
+        layout = self.layout
+        if not layout.rows:
+            return np.zeros((0, 1)), np.zeros(0)
+        units = self.row_units[layout.row_constraint]
+        if self.order > 1:
+            weights = self._row_weights()
+            which = layout.row_constraint // self.problem.system.m
+            return weights, weights[layout.row_node, which] * units
+        node_weight = np.bincount(layout.node_of, weight, layout.node_count)
+        if layout.closed:
+            node_weight[0] += node_weight[-1]
+        # Rows w f are scaled to gradients of size one, whatever the element's length.
+        return node_weight[layout.row_nodes][:, None], node_weight[layout.row_node] * units
 
     def _ends(self) -> Array:
         """Return the places that are given, (K, width), and zeros."""

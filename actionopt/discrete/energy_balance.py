@@ -210,7 +210,7 @@ class Balance:
             reach, kinetic = self._inertias()
             allowed = np.minimum(allowed, reach * (error / (gain * self.at.mesh.duration)))
         allowed += known
-        wrong = ~(np.abs(off) <= allowed + self._rounded())
+        wrong = ~(np.abs(off) <= allowed + self._velocity_rounding())
         if not wrong.any():
             return None
         if self.at.tr.order == 1 and (
@@ -371,7 +371,7 @@ class Balance:
         steps[at] = np.where(np.abs(change - off[at]) < np.abs(off[at]) / 2, off[at], 0.0)
         return steps
 
-    def _rounded(self) -> Array:
+    def _velocity_rounding(self) -> Array:
         """Return how far velocities that are rounded change what is `off`, in one array.
 
         On an element of the length h and of degree d velocities are known to EPS s d^2 / h. L_v dv
@@ -600,17 +600,22 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
 
     L(q, v, t) along the path, or with t held where it is half way if it is not `timed`.
     """
-    half = (high - low)[:, None] / 2
+    half, order = (high - low)[:, None] / 2, problem.system.order
     since = np.clip(low[:, None] + half * (1 + INNER_RULE.nodes), low[:, None], high[:, None])
-    q, v = (part.T for part in path.carried_on(since.ravel(), 1.0, problem.system.order))
+    q, v = path.carried_on(since.ravel(), 1.0, order)
+    v = v.reshape(-1, *since.shape)
+    # Where elements meet, the velocity is that of the one in which the interval lies.
+    inside = np.nextafter(since[:, ENDS], since[:, ENDS[::-1]])
+    v[..., ENDS] = path.carried_on(inside.ravel(), 1.0, order)[1].reshape(-1, *inside.shape)
+    flat = v.reshape(len(v), -1)
     t = since if timed else np.repeat((low + high)[:, None] / 2, since.shape[1], axis=1)
     t = problem.start.t + t.reshape(-1, 1)
     with np.errstate(all="ignore"):
-        found = problem.system.pointwise("first")(q, v, t, problem.packed)
+        found = problem.system.pointwise("first")(q.T, flat.T, t, problem.packed)
         Lq, p, L = (np.array(y.T, order="C") for y in found)
-        rate = _rate(Lq, rates_of(q, v.T), _time_rate(problem, q, v, t) if timed else np.zeros(1))
-        L, rate = L.reshape(since.shape), rate.reshape(since.shape)
-        p, v = (y.reshape(-1, *since.shape) for y in (p, v.T))
+        explicit = _time_rate(problem, q.T, flat.T, t) if timed else np.zeros(1)
+        rate = _rate(Lq, rates_of(q.T, flat), explicit).reshape(since.shape)
+        p, L = p.reshape(v.shape), L.reshape(since.shape)
         ends = L[:, ENDS], v[:, :, ENDS]
         return _off_between(INNER_RULE, half, p, L, rate, v, *ends).sum(axis=1)
 

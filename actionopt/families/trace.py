@@ -242,75 +242,74 @@ class _TraceRun:
 
     def go(self, steps: int, progress: Progress | None) -> None:
         """Step along the branch until it leaves the interval."""
-        length = FIRST_STEP
-        while len(self.points) < steps:
-            check_time()
-            here = self.points[-1]
-            taken = self._try(here, length)
-            if taken is None:
-                length /= 2
-                if length < SHORTEST_CONTACT and self._resume(here, here.s + self._ahead(here)):
-                    length = FIRST_STEP
-                    continue
-                if length < SHORTEST_STEP:
-                    why = self.refused or "the paths end or run away"
-                    self.end(f"no step, however short, led on: {why}")
-                    return
-                continue
-            there, corrections = taken
-            beyond = self._beyond(there.s)
-            if beyond is not None:
-                last = self.branch.to(there, beyond) or self.branch.to(here, beyond)
-                if last is None:
-                    length /= 2
-                    if length < SHORTEST_STEP:
-                        self.end("the last step to the end of the interval failed")
-                        return
-                    continue
-                there = last
-            why = self._objection(there)
-            if why:
-                length /= 2
-                if length < SHORTEST_TOLD:
-                    self.end(why)
-                    return
-                continue
-            if self._changes_contact(there):
-                if not self._resume(there, there.s):
-                    self.end("contact changes there, and no least path with the next one is near")
-                    return
-                if beyond is not None:
-                    self.stopped = f"it reached {self._names()[beyond]}"
-                    return
-                continue
-            index = self._index(there)
-            marks = self._marks(here, there, index)
-            if marks is None:
-                length /= 2
-                continue
-            self.marks += marks
-            self.points.append(there)
-            self.indices.append(index)
+
+        def report(there: BranchPoint, index: int) -> None:
             if progress is not None:
                 at = {"value": there.s, "action": self._action(there), "index": index}
                 progress("trace", len(self.points), steps, at)
-            if beyond is not None:
-                if self._misses(there):
-                    self._refine()
+
+        length = FIRST_STEP
+        while len(self.points) < steps and not self.stopped:
+            check_time()
+            length = self._advance(length, report)
+        if not self.stopped:
+            self.end(f"the {steps} steps were used up; give more (steps=), or trace on from there")
+
+    def _advance(self, length: float, report: Callable[[BranchPoint, int], None]) -> float:
+        """Take a step of about this length, or end the trace; return the length of the next one."""
+        here = self.points[-1]
+        taken = self._try(here, length)
+        if taken is None:
+            if length / 2 < SHORTEST_CONTACT and self._resume(here, here.s + self._ahead(here)):
+                return FIRST_STEP
+            why = self.refused or "the paths end or run away"
+            return self._halve(length, SHORTEST_STEP, f"no step, however short, led on: {why}")
+        there, corrections = taken
+        beyond = self._beyond(there.s)
+        if beyond is not None:
+            last = self.branch.to(there, beyond) or self.branch.to(here, beyond)
+            if last is None:
+                why = "the last step to the end of the interval failed"
+                return self._halve(length, SHORTEST_STEP, why)
+            there = last
+        why = self._objection(there)
+        if why:
+            return self._halve(length, SHORTEST_TOLD, why)
+        if self._changes_contact(there):
+            if not self._resume(there, there.s):
+                self.end("contact changes there, and no least path with the next one is near")
+            elif beyond is not None:
                 self.stopped = f"it reached {self._names()[beyond]}"
-                return
-            pole = self._pole(here, there)
-            if pole is not None:
-                self.end(
-                    f"the paths grow without bound as it approaches {pole:.6g}, as where the end "
-                    "is conjugate to the start, or a closed path in resonance; trace on from a "
-                    "problem on the other side"
-                )
-                return
-            if corrections <= 3:
-                length = min(1.5 * length, LONGEST_STEP)
-            self._refine()
-        self.end(f"the {steps} steps were used up; give more (steps=), or trace on from there")
+            return length
+        index = self._index(there)
+        marks = self._marks(here, there, index)
+        if marks is None:
+            return length / 2
+        self.marks += marks
+        self.points.append(there)
+        self.indices.append(index)
+        report(there, index)
+        if beyond is not None:
+            if self._misses(there):
+                self._refine()
+            self.stopped = f"it reached {self._names()[beyond]}"
+            return length
+        pole = self._pole(here, there)
+        if pole is not None:
+            self.end(
+                f"the paths grow without bound as it approaches {pole:.6g}, as where the end "
+                "is conjugate to the start, or a closed path in resonance; trace on from a "
+                "problem on the other side"
+            )
+            return length
+        self._refine()
+        return min(1.5 * length, LONGEST_STEP) if corrections <= 3 else length
+
+    def _halve(self, length: float, shortest: float, why: str) -> float:
+        """Return half a length; end the trace, and say `why`, where that is below `shortest`."""
+        if length / 2 < shortest:
+            self.end(why)
+        return length / 2
 
     def _names(self) -> dict[float, str]:
         return {self.goal: "the goal", self.origin: "the first value again"}

@@ -114,6 +114,31 @@ class Problem:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
+        self._check_types()
+        on_surface = (self.start.on, self.end.on) != (None, None)
+        self._set_parameters(on_surface)
+        self._set_ends()
+        self._check_times()
+        if self.system.order > 1 or any(e.rates for e in (self.start, self.end)):
+            check_rates(self, (self.start, self.end))
+        if on_surface:
+            check_surfaces(self)
+        if self.through:
+            object.__setattr__(self, "through", check_course(self))
+        if self.system.m and self.system.order > 1:
+            check_rates_on_constraints(self)
+        if self.system.m:
+            check_constraint_rows(self.system)
+            check_on_surface(self)
+        if self.system.r:
+            check_rows(self.system)
+            if self.asked is None:  # places that are found are not the question's
+                check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
+        if isinstance(self.end, Periodic) and self.end.relabel is not None:
+            check_alike(self)
+
+    def _check_types(self) -> None:
+        """Set the events between the ends, laws and integrals; raise ValueError for other types."""
         if (through := entries(self.through)) is None:
             raise ValueError(
                 f"expected a list of Events or Bounces as through, found {self.through!r}"
@@ -131,8 +156,9 @@ class Problem:
                 f"expected a System(lagrangian, coordinates), found {self.system!r}; a Lagrangian "
                 "is made one by System"
             )
-        surfaces = self.start.on, self.end.on
-        on_surface = surfaces != (None, None)
+
+    def _set_parameters(self, on_surface: bool) -> None:
+        """Set the values of the parameters, those that surfaces name too."""
         if on_surface or self.through or self.asked is not None:
             source = self.asked or self  # what was found lies on the surfaces that were asked for
             events = source.start, *source.through, source.end
@@ -143,6 +169,9 @@ class Problem:
             values[SWITCHES] = np.array([_time(e) for e in self.through])
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
+
+    def _set_ends(self) -> None:
+        """Set coordinates and surfaces of the ends; raise ValueError where they do not fit."""
         names = self.system.coordinates
         for role, event in (("start", self.start), ("end", self.end)):
             if isinstance(event, Bounce) or (role == "start" and isinstance(event, Periodic)):
@@ -163,6 +192,9 @@ class Problem:
                 )
             if event.on is not None:
                 object.__setattr__(self, role, with_surface(event, self.system))
+
+    def _check_times(self) -> None:
+        """Raise ValueError for times that are in no order, or far too near or far apart."""
         if self.free_time or self.energy is not None:
             check_free_time(self)
         elif not self.start.t < self.end.t:
@@ -183,23 +215,6 @@ class Problem:
                 f"whose square and its inverse are within the range of numbers, found "
                 f"{self.duration:g}; measure time in another unit"
             )
-        if self.system.order > 1 or any(e.rates for e in (self.start, self.end)):
-            check_rates(self, (self.start, self.end))
-        if on_surface:
-            check_surfaces(self)
-        if self.through:
-            object.__setattr__(self, "through", check_course(self))
-        if self.system.m and self.system.order > 1:
-            check_rates_on_constraints(self)
-        if self.system.m:
-            check_constraint_rows(self.system)
-            check_on_surface(self)
-        if self.system.r:
-            check_rows(self.system)
-            if self.asked is None:  # places that are found are not the question's
-                check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
-        if isinstance(self.end, Periodic) and self.end.relabel is not None:
-            check_alike(self)
 
     packed: Array = field(init=False, repr=False)
 

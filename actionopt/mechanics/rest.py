@@ -111,71 +111,112 @@ def rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
 
 def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
     """Return the equilibrium at q (n,) at the time t, found anew."""
-    names, given = system.coordinates, q
-    second, first = system.pointwise("second"), system.pointwise("first")
-    v, now = np.zeros((1, system.n)), np.array([[t]])
+    given, now = q, np.array([[t]])
     if system.m and system.pointwise("constraint_rate")(q[None], now, packed)[0].any():
         raise ValueError(
             "expected constraints at rest where a path comes from or tends to in infinite time, "
             "found that they move there: nothing rests on what moves; give a finite time"
         )
-    f, G, lam = np.zeros(system.m), np.zeros((system.m, system.n)), np.zeros(system.m)
-    work, forces = np.zeros((2, system.n, system.n)), []  # Q_q and Q_v; what pushes there
-    for _ in range(REST_STEPS):
-        pull = force = first(q[None], v, now, packed)[0][0].copy()
-        values = [x.copy() for x in second(q[None], v, now, packed)]
+    first = at = _Linearization.of(system, packed, q, t, given)
+    for k in range(REST_STEPS):
+        at = _Linearization.of(system, packed, q, t, given) if k else first
+        step = at.step()
+        q = q - step
+        if np.abs(step).max() <= 1e-15 * max(np.abs(q).max(), 1e-300):
+            break
+    size = np.maximum(np.abs(given), np.abs(q))
+    size = np.where(size > 0, size, 1.0)
+    off = np.abs(at.force) > NEAR_REST * (np.abs(at.by_q) @ size)
+    lost = off.any()
+    off |= np.abs(q - given) > NEAR_REST * size
+    if off.any() and bool((np.abs(first.push) <= _round_off(system, packed, given, t)).all()):
+        q, off = given, np.zeros(1)
+    if off.any():
+        near = "" if lost else f"; one is near {q.tolist()}"
+        raise ValueError(
+            "expected an equilibrium where a path comes from or tends to in infinite time, found "
+            f"the generalized forces {first.push.tolist()} at rest at q = {given.tolist()}{near}"
+        )
+    known = system.pointwise("first")(q[None], np.zeros((1, system.n)), now, packed)
+    momentum, L = (x[0].copy() for x in known[1:])
+    plane = np.linalg.svd(at.G)[2][system.m :].T  # of the motions that the constraints allow
+    A, whole, B, drag, C = (plane.T @ x @ plane for x in (at.A, at.by_q, at.B, at.drag, at.C))
+    slope, rates, decay = _subspace(whole, B, drag, C, side, system.coordinates)
+    action = -side * momentum, -side * (plane @ slope @ plane.T)
+    if system.structure.forced:
+        line, M = _action(plane.T @ at.pull, (A, B, C), rates, side)
+        action = -side * momentum + plane @ line, plane @ M @ plane.T
+    found = plane @ slope @ plane.T, plane @ rates @ plane.T, action, at.C
+    return Rest(side, q, momentum, *found, decay.min(), decay.max(), float(L[0]), at.lam)
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearization:
+    """The forces on a system at rest, and how they change with q and v.
+
+    Attributes
+    ----------
+    pull, push, force : (n,) arrays
+        L_q, with the forces Q, and with those of constraints, lam . G.
+    A, B, C : (n, n) arrays
+        L_qq with the curvature lam . f_qq of constraints, L_qv and L_vv.
+    by_q, drag : (n, n) arrays
+        The derivatives of `force` by q, and of Q by v.
+    f, lam : (m,) arrays
+    G : (m, n) array
+        The constraints, the multipliers that leave the least force, and f_q.
+    """
+
+    pull: Array
+    push: Array
+    force: Array
+    A: Array
+    B: Array
+    C: Array
+    by_q: Array
+    drag: Array
+    f: Array
+    lam: Array
+    G: Array
+
+    @classmethod
+    def of(cls, system: System, packed: Array, q: Array, t: float, given: Array) -> _Linearization:
+        """Return that at q (n,). Raises ValueError, which names `given`, where it is not finite."""
+        at = q[None], np.zeros((1, system.n)), np.array([[t]]), packed
+        pull = push = system.pointwise("first")(*at)[0][0].copy()
+        second = system.pointwise("second")
+        values = [x.copy() for x in second(*at)]
         A, B, C = (second.full(i, values[i], symmetric=i != 1)[0] for i in range(3))
+        work = np.zeros((2, system.n, system.n))  # Q_q and Q_v
         if system.structure.forced:
             by = system.pointwise("force_jacobian")
-            work = np.stack([by.full(i, x)[0] for i, x in enumerate(by(q[None], v, now, packed))])
-            force = pull + system.pointwise("force")(q[None], v, now, packed)[0][0]
-        forces.append(force)
-        whole = A + work[0]
-        if not all(np.isfinite(x).all() for x in (force, whole, B + work[1], C)):
+            work = np.stack([by.full(i, x)[0] for i, x in enumerate(by(*at))])
+            push = pull + system.pointwise("force")(*at)[0][0]
+        by_q = A + work[0]
+        if not all(np.isfinite(x).all() for x in (push, by_q, B + work[1], C)):
             raise ValueError(
                 "expected a Lagrangian that is finite, with its derivatives, where the path comes "
                 f"from or tends to in infinite time, found NaN or infinity at rest at q = {given}; "
                 "give a finite time by which it is all but at rest, and there coordinates a little "
                 "beside it, such as Event(t, q + 1e-9), and a guess"
             )
-        if system.m:
-            jacobian, curvature = map(
-                system.pointwise, ("constraint_jacobian", "constraint_curvature")
-            )
-            nonzeros, rows = jacobian(q[None], now, packed)
-            G, f = jacobian.full(0, nonzeros)[0], rows[0].copy()
-            lam = -np.linalg.lstsq(G.T, force, rcond=None)[0]
-            bent = curvature(q[None], lam[None], now, packed)[0]
-            bent = curvature.full(0, bent, symmetric=True)[0]
-            A, whole, force = A + bent, whole + bent, force + lam @ G
-        matrix = np.block([[whole, G.T], [G, np.zeros((system.m, system.m))]])
-        step = np.linalg.lstsq(matrix, np.r_[force, f], rcond=None)[0][: system.n]
-        q = q - step
-        if np.abs(step).max() <= 1e-15 * max(np.abs(q).max(), 1e-300):
-            break
-    size = np.maximum(np.abs(given), np.abs(q))
-    size = np.where(size > 0, size, 1.0)
-    off = np.abs(force) > NEAR_REST * (np.abs(whole) @ size)
-    lost = off.any()
-    off |= np.abs(q - given) > NEAR_REST * size
-    if off.any() and bool((np.abs(forces[0]) <= _round_off(system, packed, given, t)).all()):
-        q, off = given, np.zeros(1)
-    if off.any():
-        near = "" if lost else f"; one is near {q.tolist()}"
-        raise ValueError(
-            "expected an equilibrium where a path comes from or tends to in infinite time, found "
-            f"the generalized forces {forces[0].tolist()} at rest at q = {given.tolist()}{near}"
-        )
-    momentum, L = (x[0].copy() for x in first(q[None], v, now, packed)[1:])
-    plane = np.linalg.svd(G)[2][system.m :].T  # of the motions that the constraints allow
-    A, whole, B, drag, C_plane = (plane.T @ x @ plane for x in (A, whole, B, work[1], C))
-    slope, rates, decay = _subspace(whole, B, drag, C_plane, side, names)
-    action = -side * momentum, -side * (plane @ slope @ plane.T)
-    if system.structure.forced:
-        line, M = _action(plane.T @ pull, (A, B, C_plane), rates, side)
-        action = -side * momentum + plane @ line, plane @ M @ plane.T
-    known = plane @ slope @ plane.T, plane @ rates @ plane.T, action, C
-    return Rest(side, q, momentum, *known, decay.min(), decay.max(), float(L[0]), lam)
+        if not system.m:
+            none = np.zeros(0)
+            G = np.zeros((0, system.n))
+            return cls(pull, push, push, A, B, C, by_q, work[1], none, none, G)
+        jacobian, curvature = map(system.pointwise, ("constraint_jacobian", "constraint_curvature"))
+        nonzeros, rows = jacobian(at[0], at[2], packed)
+        G, f = jacobian.full(0, nonzeros)[0], rows[0].copy()
+        lam = -np.linalg.lstsq(G.T, push, rcond=None)[0]
+        bent = curvature.full(0, curvature(at[0], lam[None], at[2], packed)[0], symmetric=True)[0]
+        force = push + lam @ G
+        return cls(pull, push, force, A + bent, B, C, by_q + bent, work[1], f, lam, G)
+
+    def step(self) -> Array:
+        """Return how far from the equilibrium q is, to first order, (n,)."""
+        m, n = self.G.shape
+        matrix = np.block([[self.by_q, self.G.T], [self.G, np.zeros((m, m))]])
+        return np.linalg.lstsq(matrix, np.r_[self.force, self.f], rcond=None)[0][:n]
 
 
 def _round_off(system: System, packed: Array, q: Array, t: float) -> Array:
@@ -189,13 +230,13 @@ def _round_off(system: System, packed: Array, q: Array, t: float) -> Array:
     off = ca.SX.sym("off", len(tape.nodes))
     inputs, count = (s.q, s.v, s.t, s.p), iter(range(len(tape.nodes)))
 
-    def rounded(node: Node, x: list[ca.SX]) -> ca.SX:
+    def with_rounding(node: Node, x: list[ca.SX]) -> ca.SX:
         if node.kind == "input":
             return inputs[node.entry[0]][node.entry[1]]
         exact = apply(node.operation, x) if x else ca.SX(node.value)
         return exact * (1 + off[next(count)])
 
-    made = tape.fold(rounded)
+    made = tape.fold(with_rounding)
     force = ca.vertcat(*[made[k] for k in tape.results[0]])
     by = ca.Function("by", [*inputs, off], [ca.jacobian(force, off)])
     found = np.array(by(q, np.zeros(system.n), t, packed.ravel(), 0).full())

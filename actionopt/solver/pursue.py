@@ -72,7 +72,6 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         yield revise_all(problem, guess, choices)
         return
     from actionopt.solver.free_contact import free_contact
-    from actionopt.solver.unfixed import solve_free_boundary
 
     if problem.original.is_joined and problem.system.r:
         yield _along(problem.original, guess, choices)
@@ -89,16 +88,29 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     given = not problem.has_open_ends  # a closed path of a given period
     if problem.system.r and not given:
         yield free_contact(problem, guess, choices)
-        return
-    if given and (problem.system.r or guess is None or choices.mesh):
-        found = between(problem, guess, choices)
-        if problem.system.r and not is_moving(found[0]):
-            path = replace(found[0], status=Status.NOT_FOUND, error=np.inf)
-            found = path, message_of(path, choices.tol, SHRUNK)
-        elif choices.mesh is None and not problem.system.r:  # a kink at the start? one of many?
-            found = solve_free_boundary(problem, found[0], choices)
-        yield found
-        return
+    elif given and (problem.system.r or guess is None or choices.mesh):
+        yield _of_given_period(problem, guess, choices)
+    else:
+        yield from _from_starts(problem, guess, choices)
+
+
+def _of_given_period(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return a closed path of a given period, and the verdict."""
+    from actionopt.solver.unfixed import solve_free_boundary
+
+    found = between(problem, guess, choices)
+    if problem.system.r and not is_moving(found[0]):
+        path = replace(found[0], status=Status.NOT_FOUND, error=np.inf)
+        return path, message_of(path, choices.tol, SHRUNK)
+    if choices.mesh is None and not problem.system.r:  # a kink at the start? one of many?
+        return solve_free_boundary(problem, found[0], choices)
+    return found
+
+
+def _from_starts(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[Found]:
+    """Yield paths whose duration is to be found, or that close, from one start after the other."""
+    from actionopt.solver.unfixed import solve_free_boundary
+
     led = False
     last = None
     try:

@@ -521,33 +521,75 @@ def solve_free_boundary(
     Unless what is near the guess is all that is asked for, also on a mesh that represents the guess
     better, and by damped steps. Where the guess may be an answer already it is asked to `keep` it.
     """
-    started, tol, watch = perf_counter(), choices.tol, choices.watch
-    thorough = choices.strategies is not GUESS_ONLY
-    run, first = Unfixed(problem, tol=tol, watch=watch), FirstPaths(problem, tol, watch)
+    started, watch = perf_counter(), choices.watch
+    run = Unfixed(problem, tol=choices.tol, watch=watch)
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
-    status, known, judged = Status.NOT_FOUND, False, None
-    barrier = explain_barrier(problem)
+    search = _FreeBoundarySearch(run, FirstPaths(problem, choices.tol, watch), guess, choices)
+    try:
+        status = search.seek(keep)
+    except SIGNALS as signal:
+        status = status_of(signal)
+        run.stop()
+    if watch is not None and watch.error is not None and not isinstance(watch.error, OutOfTime):
+        raise watch.error
+    solution = search.conclude(status, started)
+    hint = search.hint(solution)
+    if choices.principle == "least" and solution.status.success and solution.morse_index > 0:
+        solution = replace(solution, status=Status.NOT_LEAST)
+    return solution, message_of(solution, choices.tol, hint, search.barrier)
 
-    def tries() -> Iterator[tuple[Path, Array | None, str, bool]]:
+
+@dataclass(eq=False)
+class _FreeBoundarySearch:
+    """A search for a path whose duration is to be found, or that closes.
+
+    Attributes
+    ----------
+    run : Unfixed
+    first : FirstPaths
+    guess : Guess or None
+    choices : Choices
+    barrier : str
+        Why no motion of the energy leads to the end, if that is known.
+    known : bool
+        Whether a path was found whose error is known, or that is none as its energy tells.
+    """
+
+    run: Unfixed
+    first: FirstPaths
+    guess: Guess | None
+    choices: Choices
+    barrier: str = field(init=False)
+    known: bool = False
+
+    def __post_init__(self) -> None:
+        self.barrier = explain_barrier(self.run.problem)
+
+    @property
+    def thorough(self) -> bool:
+        """Whether more is asked for than what is near the guess."""
+        return self.choices.strategies is not GUESS_ONLY
+
+    def tries(self) -> Iterator[tuple[Path, Array | None, str, bool]]:
         """Yield first paths with their multipliers, whence, and whether to damp the steps."""
-        if barrier:
+        if self.barrier:
             return
-        firsts = []
-        for path, lam, how in islice(first.firsts(guess), None if thorough else 1):
+        problem, first, firsts = self.run.problem, self.first, []
+        for path, lam, how in islice(first.firsts(self.guess), None if self.thorough else 1):
             firsts.append((path, lam, how))
             yield path, lam, how, False
-        if not known:
+        if not self.known:
             yield from ((*each, True) for each in firsts)
-        if known:
+        if self.known:
             return
         # With one coordinate every motion takes the straight line.
         shut = bool(first.blocked) and problem.system.n == 1
-        if guess is not None or problem.on_surface or first.merged is not None or shut:
+        if self.guess is not None or problem.on_surface or first.merged is not None or shut:
             return
         way = np.abs(np.diff(straight(problem)[[0, -1]], axis=0)[0])
         size, near = np.maximum(over(problem, 1.0).scales, way), not can_depart(problem)
-        for path in arrivals(problem, [problem], size, watch):
+        for path in arrivals(problem, [problem], size, self.choices.watch):
             near = True
             yield path, None, "motion", False
         if near:  # where no motion of the energy comes near the end, hardly any arrives
@@ -555,53 +597,58 @@ def solve_free_boundary(
                 yield at.path, at.rows, "duration", False
                 yield at.path, at.rows, "duration", True
 
-    try:
-        kept = None
-        if keep and thorough and guess is not None and choices.strategies is not IPOPT:
+    def seek(self, keep: bool) -> Status:
+        """Move the path at hand to an answer, on the mesh asked for; return the verdict."""
+        run, guess, choices = self.run, self.guess, self.choices
+        status, judged, kept = Status.NOT_FOUND, None, None
+        if keep and self.thorough and guess is not None and choices.strategies is not IPOPT:
             kept = run.keep_member(guess)
         if kept is not None:
             status, run.found_by = kept, "guess"
-        for path, lam, how, damped in tries() if kept is None else ():
+        for path, lam, how, damped in self.tries() if kept is None else ():
             if choices.strategies is IPOPT:
-                path, lam, how = _by_ipopt(problem, path, choices), None, "ipopt"
+                path, lam, how = _by_ipopt(run.problem, path, choices), None, "ipopt"
             if not run.reach(path, lam, damped=damped):
                 continue
             run.found_by = how
             status = run.verdict()
             judged = run.iterate, run.hint
-            known = bool(np.isfinite(run.here.error)) or run.unbalance is not None
+            self.known = bool(np.isfinite(run.here.error)) or run.unbalance is not None
             if status.stationary or status is Status.JUMP:
                 break
         if judged is not None:  # what was tried since has no verdict
             run.iterate, run.hint = judged
-        near = guess if problem.closes else first.of_family
+        near = guess if run.problem.closes else self.first.of_family
         if near is not None and not (status.success or status is Status.JUMP):
-            status = run.in_family(near, thorough=thorough) or status
-        status = settle_on(run, status, choices.mesh, least=False)
-    except SIGNALS as signal:
-        status = status_of(signal)
-        run.stop()
-    if watch is not None and watch.error is not None and not isinstance(watch.error, OutOfTime):
-        raise watch.error
-    if run.iterate is None:
-        if first.refused is not None:
-            raise first.refused
-        run.checked = True
-        run.ensure_iterate()
-    merged = status in (Status.NOT_FOUND, Status.UNRESOLVED) and first.merged is not None
-    if first.merged is not None and merged:
-        run.here, status = run._around(first.merged.path, first.merged.rows), Status.DEGENERATE
-    here = run.here
-    here.tr.watch = here.bordered.first.watch = None  # a verdict is not left half done
-    solution = solution_of(run, status, run.found_by, started)
-    if not merged and (run.along or may_be_family(run, status)):
-        solution = family.judge_family(run, solution)
-        status = solution.status
-    if choices.principle == "least" and status.success and solution.morse_index > 0:
-        solution = replace(solution, status=Status.NOT_LEAST)
-    events = () if problem.closes else (problem.start, problem.end)
-    anywhere = any(e.t is None and e.on is None and not e.pinned for e in events)
-    hint = run.hint or first.hint
-    if anywhere and not status.success:
-        hint = f"{STOPS}; {hint}" if hint else STOPS
-    return solution, message_of(solution, tol, hint, barrier)
+            status = run.in_family(near, thorough=self.thorough) or status
+        return settle_on(run, status, choices.mesh, least=False)
+
+    def conclude(self, status: Status, started: float) -> Solution:
+        """Return the solution of the path at hand, or of one to which two paths merge.
+
+        Raises ValueError for a question that was refused, if no path was begun.
+        """
+        run, first = self.run, self.first
+        if run.iterate is None:
+            if first.refused is not None:
+                raise first.refused
+            run.checked = True
+            run.ensure_iterate()
+        merged = status in (Status.NOT_FOUND, Status.UNRESOLVED) and first.merged is not None
+        if first.merged is not None and merged:
+            run.here, status = run._around(first.merged.path, first.merged.rows), Status.DEGENERATE
+        here = run.here
+        here.tr.watch = here.bordered.first.watch = None  # a verdict is not left half done
+        solution = solution_of(run, status, run.found_by, started)
+        if not merged and (run.along or may_be_family(run, status)):
+            solution = family.judge_family(run, solution)
+        return solution
+
+    def hint(self, solution: Solution) -> str:
+        """Return what to add to the verdict."""
+        problem, hint = self.run.problem, self.run.hint or self.first.hint
+        events = () if problem.closes else (problem.start, problem.end)
+        anywhere = any(e.t is None and e.on is None and not e.pinned for e in events)
+        if anywhere and not solution.status.success:
+            return f"{STOPS}; {hint}" if hint else STOPS
+        return hint

@@ -9,6 +9,7 @@ grad f + J' lam + z = 0, lam and z being >= 0 at an upper bound, <= 0 at a lower
 from __future__ import annotations
 
 import copy
+import os
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
@@ -220,7 +221,8 @@ GIVEN = (
 class Given:
     """The numbers and functions of a program: nothing of its counts, nor of where it is from.
 
-    Those of `Program`, by the same names; arrays are copies.
+    Those of `Program`, by the same names; arrays are copies. The functions raise RuntimeError in
+    another process than this one, such as a fork of it: they would be counted there, and lost.
     """
 
     def __init__(self, program: Program) -> None:
@@ -232,4 +234,11 @@ class Given:
 
 def _alone(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that is no method: nothing that it belongs to is at hand."""
-    return lambda *arguments, **named: function(*arguments, **named)
+    home = os.getpid()
+
+    def alone(*arguments: Any, **named: Any) -> Any:
+        if os.getpid() != home:
+            raise RuntimeError("expected calls in the process of the solver, found another process")
+        return function(*arguments, **named)
+
+    return alone

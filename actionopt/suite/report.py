@@ -22,7 +22,9 @@ RUNS_PAGE = """\
 solver has its own default options{changed}. Two questions are put to each answer: whether it is
 what a <em>minimiser</em> should say, and whether it is the <em>stationary</em> point that is known,
 be it a saddle. It is judged by the point returned; of the solver's word, "unbounded" and
-"infeasible" may be right, and to claim what is not so is wrong.{models}</p>
+"infeasible" may be right. To claim an optimum that is none, or no bottom where there is one, is
+wrong; "infeasible" of what is feasible is a failure, as solvers say it of where they came
+to.{models}</p>
 {modes}
 <h2>Data profiles</h2>
 <p>Fraction of problems for which so many evaluations of f, over n + 1, brought f within tau of the

@@ -43,6 +43,11 @@ ROUNDED_COLUMNS = (
 CLOCK_FACTOR = 10.0  # seconds of the clock for one of the processor, on a machine with much to do
 STARTUP = 1.0  # second of the processor that a process takes to start; ad hoc
 ONE_AT_A_TIME = Lock()
+# What the process of a solver says; the rest is found out here.
+REPORTED = (
+    *("outcome", "said", "word", "trace", "x", "differing"),
+    *("seconds", "times", "processor", "evaluations", "history"),
+)
 KEY = ("solver", "problem", "elements", "degree", "start", "parameters", "repeats")
 CONTENT = ("content", "numbers", "package", "machine")  # what makes answers differ beside these
 
@@ -165,12 +170,13 @@ def attempt(cell: Cell, limits: Limits) -> dict[str, Any]:
     """Run one cell in a process of its own; return what came of it, the answer not judged."""
     clock, wall = perf_counter(), CLOCK_FACTOR * (STARTUP + limits.seconds)
     try:
-        outcome = process.run(
+        told = process.run(
             "actionopt.suite.cell:run_within",
             *(asdict(cell), limits.memory, wall),
             limit=wall,
             processor=limits.seconds,
         )
+        outcome = {name: told[name] for name in REPORTED if name in told}
     except process.Overrun as error:
         # Who sleeps has used less than is allowed, and is not out of time.
         short = error.used is not None and error.used < limits.seconds

@@ -149,9 +149,10 @@ def _finite(value: float) -> float | None:
 def verdict(record: Mapping[str, Any], mode: str, accuracy: float = SAME_POINT) -> str:
     """Return the verdict on a record, as the runner writes it, for one mode and accuracy.
 
-    A solver's word counts: "unbounded" and "infeasible" are right with evidence where it is so; to
-    claim what is not so is wrong, and to give up a failure. Of solves that differ, the worst
-    counts.
+    A solver's word counts: "unbounded" and "infeasible" are right with evidence where it is so. To
+    claim an optimum that is none, or no bottom where there is one, is wrong. To give up is a
+    failure, and so is "infeasible" of what is feasible, which solvers say of where they came to.
+    Of solves that differ, the worst counts.
     """
     if record["outcome"] != "answered":
         return record["outcome"]

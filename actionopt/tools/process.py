@@ -104,8 +104,16 @@ def run(target: str, *arguments: Any, limit: float, processor: float | None = No
 
 def processor_time() -> float:
     """Return the seconds of the processor that this process and its children have used."""
-    called = resource.getrusage(resource.RUSAGE_CHILDREN) if resource else None
-    return process_time() + (called.ru_utime + called.ru_stime if called else 0.0)
+    return process_time() + children_time()
+
+
+def children_time() -> float:
+    """Return the seconds of the processor that this process's children have used.
+
+    Those that nobody has waited for, too, where the system has /proc.
+    """
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN) if resource else None
+    return _time_of_children(os.getpid()) + (ended.ru_utime + ended.ru_stime if ended else 0.0)
 
 
 def count_anew() -> None:
@@ -123,7 +131,12 @@ def _processor_time_of(pid: int) -> float | None:
     except OSError:  # it has just ended, or the system has no /proc
         return None
     ticks = sum(map(int, fields[11:15]))  # its own, and those of children it has waited for
-    total = ticks / os.sysconf("SC_CLK_TCK")
+    return ticks / os.sysconf("SC_CLK_TCK") + _time_of_children(pid)
+
+
+def _time_of_children(pid: int) -> float:
+    """Return the processor time (s) of a process's children that it has not waited for."""
+    total = 0.0
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
         with suppress(OSError):
             total += sum(

@@ -158,8 +158,9 @@ def sample_times(duration: float, layer: float = 0.0) -> np.ndarray:
     return times
 
 
-def along(exact: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -> Ends:
+def along(exact: Callable[[np.ndarray], np.ndarray] | None, times: np.ndarray) -> Ends:
     """Return the ends of a path known in closed form."""
+    assert exact is not None
     q = np.asarray(exact(times))
     return Ends(q[:, 0].copy(), q[:, -1].copy(), q)
 

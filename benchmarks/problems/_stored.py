@@ -18,9 +18,10 @@ def table() -> dict[str, np.ndarray]:
     return dict(np.load(FILE)) if FILE.exists() else {}
 
 
-def stored(name: str) -> tuple[Ends, ...]:
+def stored(name: str) -> tuple[Ends, Ends]:
     """Return the two `Ends` of a problem."""
-    return tuple(Ends(q[:, 0].copy(), q[:, -1].copy(), q.copy()) for q in table()[name])
+    first, other = (Ends(q[:, 0].copy(), q[:, -1].copy(), q.copy()) for q in table()[name])
+    return first, other
 
 
 def others(name: str) -> tuple:

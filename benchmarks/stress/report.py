@@ -40,7 +40,8 @@ def page(families: dict, before: dict) -> str:
         "Made by `python -m benchmarks.stress`; all rows are in `stress.json`. scipy's",
         "`solve_bvp` and shooting (DOP853 and Powell's method) start from the same first path,",
         "with the same accelerations, and have 3 s for each case; they difference for Jacobians,",
-        "so that not their times but their successes are to be compared. Errors are the largest",
+        "so that not their times but their successes are to be compared. Times are of the",
+        "processor, but of threads by the clock. Errors are the largest",
         "over time of |q - exact|, each coordinate in units of the largest |q| it reaches. A",
         "path is *verified forward* by integrating the equations of motion over each element",
         "from the path's own position and velocity at its start. Where a row stands for many",
@@ -91,7 +92,7 @@ def _rungs(families: dict) -> list[list[str]]:
 
 def _section(name: str, about: str, rows: list[dict]) -> list[str]:
     module = FAMILIES[name]
-    lines = [f"## {module.TITLE}", "", *module.__doc__.strip().split("\n"), "", about, ""]
+    lines = [f"## {module.TITLE}", "", *(module.__doc__ or "").strip().split("\n"), "", about, ""]
     fared = [[name, f"{solved} of {n}", *rest] for name, n, solved, *rest in _solvers(rows)]
     lines += table(["solver", "solved", "median time", "longest", "how it ended"], fared)
     if any("count" in r for r in rows):

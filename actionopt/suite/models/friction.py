@@ -2,8 +2,8 @@
 
     0 <= slip  is perpendicular to  (what friction bears) - (pull) >= 0
 
-For solvers of nonlinear programs that is a product that must not be positive: MFCQ fails at each
-feasible point. Those of MPCCs find the pairs in `pairs`.
+For solvers of nonlinear programs that is a product that must not be positive: MFCQ, and with it
+LICQ, fails at each feasible point. Those of MPCCs find the pairs in `pairs`.
 """
 
 from __future__ import annotations
@@ -108,5 +108,5 @@ def blocks_by_hand(
         rows=(np.append(zeros, -none), np.append(none, zeros)),
         start=state(3.0 * count),
         answer=minima,
-        tags=("complementarity", "MFCQ fails", "several optima"),
+        tags=("complementarity", "LICQ fails", "MFCQ fails", "several optima"),
     )

@@ -30,6 +30,7 @@ def perihelion(e: float, guided: bool = True) -> Question:
     scene = scenes.get("kepler", eccentricity=e, start=-half, fraction=2 * half)
     if not guided:
         return Question(scene.problem)
+    assert scene.exact is not None
     three = np.linspace(scene.problem.start.t, scene.problem.end.t, 3)
     return Question(scene.problem, scene.exact, scene.exact(three))
 

@@ -8,7 +8,7 @@ its places, moved at random by a tenth. There may be other fences than the one t
 reference is the two arcs nearest to the answer that meet the conditions (Powell's hybrid method).
 `solve_bvp` is asked ten of each with the length or the area as another state, the multiplier and
 the durations of the legs as parameters: ropes from a parabola, for which we have no guess, fences
-from the same guess. Times are those of a machine that was busy with other work.
+from the same guess.
 """
 
 from __future__ import annotations

@@ -182,7 +182,8 @@ def flight(profile, height: float, c: float) -> tuple[np.ndarray, np.ndarray]:
     def times(energy):
         return np.concatenate([[0.0], np.cumsum((h / np.sqrt(2 * (energy - U))) @ weights)])
 
-    energy = brentq(lambda e: times(e)[-1] - 1, U.max() + 1e-6, 50.0, xtol=1e-15, rtol=1e-15)
+    off = lambda e: times(e)[-1] - 1  # noqa: E731
+    energy = brentq(off, U.max() + 1e-6, 50.0, xtol=1e-15, rtol=np.float64(1e-15))
     return x, np.minimum(times(energy), 1.0)
 
 

@@ -11,7 +11,7 @@ Jacobians derived by hand, the first few times.
 from __future__ import annotations
 
 from functools import cache
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -94,7 +94,7 @@ def along(solution: ao.Solution, name: str, seed: int) -> bool:
 
 def collocation(name: str, problem: Problem, guess: np.ndarray) -> tuple[str, float]:
     """Return what `solve_bvp` says, and the time it took."""
-    clock, t = perf_counter(), np.linspace(0.0, T, guess.shape[1])
+    clock, t = process_time(), np.linspace(0.0, T, guess.shape[1])
     start, end = (np.asarray(e.q, dtype=float) for e in (problem.start, problem.end))
     state = np.concatenate([guess, np.gradient(guess, t, axis=1)])
     try:
@@ -104,7 +104,7 @@ def collocation(name: str, problem: Problem, guess: np.ndarray) -> tuple[str, fl
         said = "SOLVED"
     except (Failed, ValueError, np.linalg.LinAlgError) as error:
         said = str(error)
-    return said, perf_counter() - clock
+    return said, process_time() - clock
 
 
 def measure(name: str, kind: str, count: int, compared: int) -> list[Row]:

@@ -6,8 +6,7 @@ reference is the spline near the answer whose energy is continuous at all of the
 method). A beam of varying stiffness, on a foundation and with a load along it, bends under a
 load at random places, alone or coupled to another one; the reference is Ritz's method with 40
 polynomials for each, which also counts how many ways it would buckle: another index than that
-counts as wrong. `solve_bvp` is asked ten of the single beams. Times are those of a machine that was
-busy with other work.
+counts as wrong. `solve_bvp` is asked ten of the single beams.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -230,7 +230,7 @@ class Beam:
         mass = q.T @ (w[:, None] * q)
         one = a.T @ ((w * self.stiffness(t))[:, None] * a) - self.push * v.T @ (w[:, None] * v)
         one = one + self.ground * mass
-        matrix = block_diag(*[one] * self.n)
+        matrix: Any = block_diag(*[one] * self.n)
         if self.n > 1:
             matrix = matrix + self.spring * np.kron([[1, -1], [-1, 1]], mass)
         pull = np.zeros(self.n * terms)
