@@ -527,8 +527,9 @@ def displacement(
         energy = energy + lengths * (gained.cumsum(axis=0) - gained)
     mean = energy / lengths
     # What has no inertia is not carried.
-    slowness = np.where(reach > 0, lengths / reach, 0.0)
-    mean = mean - (mean * slowness).sum(axis=0) / slowness.sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slowness = np.where(reach > 0, lengths / reach, 0.0)
+        mean = mean - (mean * slowness).sum(axis=0) / slowness.sum(axis=0)
     varied = np.sign(mean) * np.maximum(np.abs(mean) - rounding, 0.0)
     found = np.abs((varied * slowness).cumsum(axis=0)).max(axis=0)
     return np.where(found < np.inf, found, 0.0)
