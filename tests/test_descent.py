@@ -70,7 +70,7 @@ def test_an_action_without_a_lowest_value_runs_away(side):
 
 
 def test_shifts_below_the_curvature_along_the_last_step_are_not_factorized(monkeypatch):
-    """Each step of a way down an abyss asks for a shift four times the last one: two factors."""
+    """Down an abyss two shifts a step fail and one serves: the first tells the other."""
     tr, tried = transcribed(SPRING, ([0.1], [0.2]), 7.5), []
 
     def definite(self):
@@ -80,7 +80,7 @@ def test_shifts_below_the_curvature_along_the_last_step_are_not_factorized(monke
     known = Factors.definite
     monkeypatch.setattr(Factors, "definite", definite)
     assert descend(tr, tr.pack(tr.straight())).runaway
-    assert len(tried) <= 1.7 * sum(tried)
+    assert len(tried) <= 2.8 * sum(tried)
 
 
 def test_a_mass_that_is_not_positive_has_no_lowest_action():

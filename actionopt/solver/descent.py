@@ -68,8 +68,10 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
             H, K = tr.kkt(z), tr.kinetic(z)
             if not (np.isfinite(H).all() and np.isfinite(K).all()):
                 break
-            least = _least_mu(tr, H, K, last) if mu and last is not None else 0.0
-            while mu < least or not (factors := _shifted(tr, H, K, mu)).definite():
+            least = None  # asked where a shift has failed
+            while (least and mu < least) or not (factors := _shifted(tr, H, K, mu)).definite():
+                if least is None:
+                    least = 0.0 if last is None else _least_mu(tr, H, K, last)
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:  # or the mass is not positive: then there is no lowest action
                     return Descended(z, False, _runs_away(tr, first, z), count)
