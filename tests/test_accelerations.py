@@ -606,8 +606,6 @@ def test_what_leaves_a_constraint_is_refused():
         ao.Problem(plane, on_ring(0, 0.1), end, through=[ao.Event(0.5, [1, 1])])
     with pytest.raises(ValueError, match="times and places of events where constraints"):
         ao.Problem(plane, on_ring(0, 0.1), end.at(None), energy=0)
-    with pytest.raises(ValueError, match="expected no obstacle"):
-        ao.System(lambda q, v, a, t: a[0] ** 2, ["x"], obstacle=lambda q, t: q[0])
 
 
 def test_equations_of_motion_in_sympy():

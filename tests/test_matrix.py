@@ -868,14 +868,13 @@ def _():
     check(ao.Problem(beam("x y"), start, end), *half_way, action=3.0)
 
 
-@refuses(
-    "obstacle",
-    "accelerations",
-    says="a momentum jumps, and where is not sought",
-    because="contact ends with a jump of the shear force, and may be in a point alone",
-)
+@solves("obstacle", "accelerations")
 def _():
-    beam(obstacle=lambda q, t: q[0])
+    """It lies on the floor from t = 3 / V on: (1 - t V / 3)^3 before."""
+    ends = ao.Event(0, [1.0], v=[-9.0]), ao.Event(1, [1.0], v=[9.0])
+    system = beam(obstacle=lambda q, t: q[0])
+    known = lambda t: np.maximum(np.abs(6 * t - 3) - 1, 0) ** 3 / 8  # noqa: E731
+    check(ao.Problem(system, *ends), known, action=324.0)
 
 
 @solves("constraint", "accelerations")

@@ -883,7 +883,7 @@ def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
             raise OutOfTime
         return Status.SOLVED
 
-    monkeypatch.setattr(least_along, "_refine_contact", refined)
+    monkeypatch.setattr(least_along, "refine_contact", refined)
     monkeypatch.setattr(least_along, "_another", lambda *_: True)
     monkeypatch.setattr(least_along, "contact_parts", lambda _: ())
     best, status, _ = least_along._least(ws, 1e-8, found)

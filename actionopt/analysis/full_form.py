@@ -17,11 +17,15 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.bordered import Bordered, null_space
 from actionopt.discrete.borders import times_of
+from actionopt.discrete.contact_times import bend_of_contacts, restrict
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Event
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
@@ -47,13 +51,22 @@ class FullForm:
     @cached_property
     def basis(self) -> Array:
         """Variations of all unknowns, (size, c), that span those allowed: orthonormal."""
-        return null_space(self.equations, self.matrix)
+        found = null_space(self.equations, self.matrix)
+        return found if self._contacts is None else restrict(found, self._contacts[1])
+
+    @cached_property
+    def _contacts(self) -> tuple[Array, Array] | None:
+        if self.tr.order == 1 or not self.tr.problem.touches:
+            return None
+        return bend_of_contacts(DiscretePath(self.tr, self.z[: self.tr.layout.size]))
 
     @cached_property
     def matrix(self) -> Array:
         """The second derivatives of W, (size, size)."""
         equations, z = self.equations, self.z
         nonzeros = equations.hessian(z) if isinstance(equations, Bordered) else equations.kkt(z)
+        if self._contacts is not None:
+            nonzeros[: self._contacts[0].size] += self._contacts[0]
         return full(equations.layout, nonzeros)
 
     @property
@@ -121,6 +134,10 @@ def form_until(solution: Solution, t: float | None, rounds: int = 0) -> FullForm
         integral=problem.integral,
     )
     lam, lengths = _forces(solution, mesh), solution.discrete.tr.lengths
+    if problem.system.order > 1 and solution.contacts:
+        last = mesh.boundaries[-1]
+        cut = (Arc(x.row, x.begin, min(x.end, last)) for x in solution.contacts if x.begin < last)
+        part, lam = Held(part, tuple(cut)), np.zeros((mesh.nodes.size, problem.system.r))
     if part.is_joined:
         kappa = problem.kappa if problem.integral is not None else None
         return FullForm(*Bordered.around(part, path, lam, lengths, times=times, kappa=kappa))

@@ -32,6 +32,7 @@ from actionopt.analysis.second_variation import (
 )
 from actionopt.discrete.bordered import Bordered, equations_of, null_space
 from actionopt.discrete.borders import PhaseCondition, moves_of
+from actionopt.discrete.contact_times import bend_of_contacts, restrict
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, diagonal, full
 from actionopt.discrete.increments import Increments, is_stiff
@@ -280,6 +281,10 @@ def _on_its_mesh(
         matrix, multipliers = equations.hessian(z), multipliers + equations.multipliers
     else:
         matrix = equations.kkt(z)
+    rows = np.zeros((0, tr.layout.unknowns))
+    if tr.order > 1 and problem.touches:
+        bend, rows = bend_of_contacts(at)
+        matrix[: bend.size] += bend
     springs = np.zeros(layout.size)
     springs[list(held)] = np.abs(matrix).max()
     matrix = matrix + diagonal(layout, springs)
@@ -295,7 +300,7 @@ def _on_its_mesh(
     if pinned < tr.layout.width and not stiff:
         kinetic = kinetic + _at_rest(equations, z, mass)  # a constant has no rates
     projected = layout.rows and (tr.order > 1 or layout.size <= DENSE_SIGNS)
-    basis = null_space(equations, full(layout, matrix)) if projected else None
+    basis = restrict(null_space(equations, full(layout, matrix)), rows) if projected else None
 
     def below(mu: float) -> int:
         check_time()  # signs of one matrix are counted at once

@@ -37,7 +37,7 @@ def momenta(at: DiscretePath) -> Path:
     p_1 is that of q, p_2 that of v, and so on.
     """
     tr, n = at.tr, at.problem.system.n
-    if tr.layout.rows:
+    if at.problem.system.m:
         known = derivatives(at)
         Y, W = (np.hstack(known[k::2]) for k in (0, 1))
         of_motion = momenta_of(at.problem.system)

@@ -19,6 +19,7 @@ from actionopt.analysis.assembled import AssembledForm, assemble
 from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, condense, curvature, form, tangent
 from actionopt.discrete.bordered import equations_of
+from actionopt.discrete.contact_times import bend_of_contacts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import jumps_of
 from actionopt.discrete.factors import Factors, product
@@ -160,7 +161,8 @@ def slopes(
     tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
     system, place = problem.system, tr.place(at.x)
     times = times.copy()
-    lam = at.lam[node_of]
+    contact = tr.order > 1 and problem.touches
+    lam = tr.multipliers_between(at.z) if contact else at.lam[node_of]
     by_parameters = explicit(system)(place.at, place.v, tr.times, problem.packed, lam)[1]
     packed = np.sum(tr.weight * by_parameters, axis=0)
     inner, steps = jumps_of(at)
@@ -315,11 +317,16 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
         loose = Held(loose, problem.arcs, span=problem.span)
     equations, y = equations_of(loose, at)
     planes = [np.eye(n)] * 2
-    if order > 1 and problem.system.m:
+    if order > 1 and problem.free.system.m:
         planes = _planes_of_rates(at)
     elif order == 1:
         planes = tangent(problem.free, at.Q[[0, -1]], at.mesh.nodes[[0, -1], None], np.ones(n))
-    layout = equations.layout
+    nonzeros, layout = equations.kkt(y), equations.layout
+    rows = np.zeros((0, 0))
+    if order > 1 and problem.touches:  # contacts move
+        tr = equations.at(y)
+        bend, rows = bend_of_contacts(DiscretePath(tr, y[: tr.layout.size]))
+        nonzeros[: bend.size] += bend
     number = (layout.inner if isinstance(layout, BorderedLayout) else layout).number
     edges, maps = [], []
     for k, event in enumerate((asked.start, asked.end)):
@@ -330,10 +337,10 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
         edges[k][number[-k, pinned]] = plane * at.tr.place_units[pinned, None]
         maps.append(np.zeros((plane.shape[1], n)))
         maps[k][:, pinned] = plane.T
-    edge = np.hstack(edges)
+    edge = np.hstack([*edges, np.pad(rows.T, ((0, layout.size - rows.shape[1]), (0, 0)))])
     count, cut = edge.shape[1], len(maps[0])
     corner = np.zeros((count, count))
-    matrix = border_matrix(layout, equations.kkt(y), edge, edge.T, corner)
+    matrix = border_matrix(layout, nonzeros, edge, edge.T, corner)
     right = np.eye(count, layout.size + count, layout.size)
     try:
         factors = Factors(*matrix)
@@ -342,8 +349,9 @@ def second_through(at: DiscretePath) -> tuple[Array, Array, Array]:
     except np.linalg.LinAlgError:  # conjugate
         infinite = np.full((n, n), np.inf)
         return infinite, infinite, infinite
-    hessian = -at.tr.action_unit * forces
     first, last = maps
+    both = cut + len(last)
+    hessian = -at.tr.action_unit * forces[:both, :both]
     return (
         first.T @ hessian[:cut, :cut] @ first,
         first.T @ hessian[:cut, cut:] @ last,

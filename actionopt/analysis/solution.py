@@ -21,9 +21,10 @@ from actionopt.discrete.discrete_path import DiscretePath, Unknowns
 from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
 from actionopt.mechanics.held import Held, arcs_of
-from actionopt.mechanics.obstacle import Arc
+from actionopt.mechanics.obstacle import Arc, put_on_obstacle
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.mechanics.singular_ends import finite_derivatives
@@ -134,6 +135,12 @@ class Solution:
             from actionopt.analysis.ostrogradsky import momenta
 
             return _read_only(*momenta(self.between_times.discrete).values.T[[0, -1]])
+        if system.order > 1 and (self._is_held_at(0) or self._is_held_at(1)):
+            from actionopt.analysis.ostrogradsky import momenta
+
+            ends = self.free_parts[0], self.free_parts[-1]
+            p0, p1 = (momenta(part.discrete).values.T for part in ends)
+            return _read_only(p0[0].copy(), p1[-1].copy())
         if system.order > 1:
             return self._free_momenta
         if not (system.m or (system.r and (self._is_held_at(0) or self._is_held_at(1)))):
@@ -235,7 +242,11 @@ class Solution:
             part = Problem(system, *ends, parameters=given)
             known, kept = DiscretePath.of(part, leg), None
             if part.system.order > 1:  # derivatives are not read from values
-                kept = DiscretePath(known.tr, known.tr.pack_places(places[a : b + 1]))
+                tr_of, lam = known.tr, self.lam[part.system.m :, a : b + 1]
+                if np.isfinite(lam).any():
+                    arcs = arcs_of(np.isfinite(lam), leg.mesh.boundaries, leg.mesh.offsets)
+                    tr_of = Transcription(Held(part, arcs), leg.mesh, tr.lengths)
+                kept = DiscretePath(tr_of, tr_of.unknowns_of(places[a : b + 1]))
             found.append(
                 replace(
                     self,
@@ -248,6 +259,62 @@ class Solution:
                 )
             )
         return tuple(found)
+
+    @cached_property
+    def free_parts(self) -> tuple[Solution, ...]:
+        """The `parts` of a path with accelerations, cut where contact begins and ends as well.
+
+        Along an arc of contact the obstacle is a constraint.
+        """
+        problem, mesh, tr = self.problem, self.mesh, self.discrete.tr
+        if not (problem.system.order > 1 and self.contacts):
+            return self.parts
+        times = [t for arc in self.contacts for t in (arc.begin, arc.end)]
+        events = [e.t for e in problem.joints_found]
+        bounds = find_boundaries(mesh, np.union1d(times, events)).tolist()
+        held, n = Held(problem, self.contacts), problem.system.n
+        places, found = tr.place(self.discrete.x).places, []
+        for a, b in pairwise(bounds):
+            nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
+            middle = np.array([mesh.boundaries[a] + mesh.boundaries[b]]) / 2
+            rows = np.flatnonzero(held.active(middle)[:, 0]).tolist()
+            times, first = mesh.boundaries[[a, b]].tolist(), mesh.offsets[[a, b]]
+            law = problem.system.with_obstacle_rows(tuple(rows))
+            at_ends = (
+                put_on_obstacle(law, places[k], t, problem.packed)
+                for k, t in zip(first, times, strict=True)
+            )
+            ends = [Event.of_places(t, y, n) for t, y in zip(times, at_ends, strict=True)]
+            part = Problem(law, *ends, parameters=problem.parameters)
+            arcs = tuple(Arc(i, *times) for i in range(len(rows)))
+            own = Mesh(mesh.boundaries[a : b + 1], np.array(mesh.degrees)[a:b])
+            of_part = Transcription(Held(part, arcs) if arcs else part, own, tr.lengths)
+            at = DiscretePath(of_part, of_part.unknowns_of(places[nodes]))
+            lam = np.zeros((len(rows), own.nodes.size))
+            known = {"path": at.path, "action": at.action, "lam": lam, "ends": None, "known": at}
+            found.append(replace(self, problem=part, **known))
+        return tuple(found)
+
+    @cached_property
+    def contact_impulses(self) -> Array:
+        """The impulses of `contacts`, at the begin and the end of each: (contacts, 2).
+
+        p(t+) - p(t-) = - impulse df/dq. A moment has one, which stands first. With accelerations in
+        L both ends of an arc have one, and `contact_force` is the force between them.
+        """
+        found, at = np.zeros((len(self.contacts), 2)), self.discrete
+        tr, m = at.tr, self.problem.system.m
+        if not len(found):
+            return found
+        weight = np.bincount(tr.layout.node_of, tr.weight[:, 0], tr.layout.node_count)
+        for k, arc in enumerate(self.contacts):
+            for i, t in enumerate((arc.begin, arc.end)[: 1 if arc.point else 2]):
+                node = self.mesh.offsets[np.argmin(np.abs(self.mesh.boundaries - t))]
+                if tr.order > 1:
+                    found[k, i] = -tr.row_multipliers(at.z)[node, arc.row]
+                elif arc.point:
+                    found[k, i] = -at.rows[node, m + arc.row] * weight[node]
+        return found + 0.0
 
     @property
     def impulses(self) -> Array:
@@ -274,6 +341,17 @@ class Solution:
             return _read_only(-at.tr.pulls(at.z)[1:-1], by_times(at)[1:-1])
         # The rows that an event of given place has not would push there, too: from both sides.
         p, H = [], []
+        if system.order > 1 and self.contacts:
+            from actionopt.analysis.ostrogradsky import energy, momenta
+
+            parts, times = self.free_parts, [e.t for e in self.problem.through]
+            for before, after in pairwise(parts):
+                if after.mesh.boundaries[0] in times:
+                    p0, p1 = (momenta(x.discrete).values for x in (before, after))
+                    H0, H1 = (energy(x.discrete).values for x in (before, after))
+                    p.append(p1[:, 0] - p0[:, -1])
+                    H.append(float(H1[0, 0] - H0[0, -1]))
+            return _read_only(np.array(p), np.array(H))
         for before, after in pairwise(self.parts):
             p.append(after.momenta[0] - before.momenta[1])
             levels = [before.energy(before.end.t), after.energy(after.start.t)]
@@ -285,11 +363,12 @@ class Solution:
         """dS/dt by the times of all events at fixed coordinates, (k + 2,): H0, jumps of H, -H1."""
         from actionopt.discrete.end_times import by_times
 
+        if self.problem.system.order > 1 and (self.problem.system.m or self.contacts):
+            # Their rows hold f in the mean over functions of an element's own time.
+            H0, H1 = self.energy(self.discrete.mesh.boundaries[[0, -1]])
+            return np.array([H0, *self.energy_jumps, -H1])
         times = by_times(self.discrete)
         times[1:-1] = self.energy_jumps
-        if self.problem.system.order > 1 and self.problem.system.m:
-            # Their rows hold f in the mean over functions of an element's own time.
-            times[[0, -1]] = self.energy(self.discrete.mesh.boundaries[[0, -1]]) * (1, -1)
         return times
 
     @property
@@ -409,7 +488,7 @@ class Solution:
     ) -> Array:
         """Return a curve that is made for each leg between events, at times t, (..., *t.shape)."""
         times = numbers(t, "the times")
-        flat, parts = times.ravel(), self.parts
+        flat, parts = times.ravel(), self.free_parts
         begins = np.array([part.mesh.boundaries[0] for part in parts[1:]])
         leg = np.searchsorted(begins, flat, side="right")
         used = np.unique(leg) if flat.size else np.zeros(1, dtype=int)
@@ -471,7 +550,30 @@ class Solution:
                 "expected a system with an obstacle, found none; give it as System(..., "
                 "obstacle=f), f(q, t) >= 0, or as a constraint, which has `multipliers`"
             )
+        if self.problem.system.order > 1:
+            return self._contact_density(numbers(t, "the times"))
         return self._pointwise("contact_force", t)
+
+    def _contact_density(self, times: Array) -> Array:
+        """Return `contact_force` of a path with accelerations, at times (...): (r, ...)."""
+        at, found = self.discrete, np.zeros((self.problem.system.r, times.size))
+        if self.contacts:
+            tr, flat = at.tr, times.ravel()
+            nu = -tr.contact_density(tr.row_multipliers(at.z))
+            for arc in self.contacts:
+                middle = (self.mesh.boundaries[:-1] + self.mesh.boundaries[1:]) / 2
+                inside = np.flatnonzero((arc.begin < middle) & (middle < arc.end))
+                if not inside.size:
+                    continue
+                a, b = inside[0], inside[-1] + 1
+                first, last = self.mesh.offsets[[a, b]]
+                own = np.isin(tr.layout.element_of, inside)
+                node = tr.layout.node_of[own] - first
+                values = np.bincount(node, nu[own, arc.row]) / np.bincount(node)
+                mesh = Mesh(self.mesh.boundaries[a : b + 1], np.array(self.mesh.degrees)[a:b])
+                here = (arc.begin <= flat) & (flat <= arc.end)
+                found[arc.row, here] = Path(mesh, values[None])(flat[here])[0]
+        return found.reshape(-1, *times.shape) + 0.0
 
     @cached_property
     def inertia(self) -> Inertia:
@@ -560,6 +662,11 @@ class Solution:
         same = known is not None and known.path is self.path and known.problem.free is problem
         if known is not None and same and (self.contacts or not problem.system.r):
             return known
+        if known is not None and problem.system.order > 1 and problem.system.r:
+            # Derivatives, and multipliers of moments, are not read from values.
+            held = Held(problem, self.contacts) if self.contacts else problem
+            tr, old = Transcription(held, self.mesh, known.tr.lengths, like=known.tr), known.tr
+            return DiscretePath(tr, tr.unknowns_of(old.place(known.x).places))
         held = Held(problem, self.contacts) if self.contacts else problem
         return DiscretePath.of(held, self.path, self.lam[: held.system.m].T)
 
@@ -576,7 +683,7 @@ class Solution:
         """Carry the numbers; what follows from them is made when asked for."""
         made = [getattr(self, f.name) for f in fields(self)[:-1]]
         known = self.known
-        if known is None or self.problem.system.r:
+        if known is None or (self.problem.system.r and self.problem.system.order == 1):
             return Solution, tuple(made)
         made[1] = None  # it is that of the unknowns
         return _restore, (made, self.mesh, known.unknowns)
@@ -711,10 +818,16 @@ class Solution:
         """The comparison of `compare`. Raises ValueError for a path in contact."""
         from actionopt.analysis.compare import compare, join
 
+        if self.problem.system.order > 1 and self.contacts:
+            from actionopt.analysis.ostrogradsky import compare_motion
+
+            # What an obstacle holds in all coordinates moves as that does.
+            parts = [x for x in self.free_parts if x.problem.system.r < x.problem.system.n]
+            return join([compare_motion(x.discrete, x.error) for x in parts], 0.0)
         if self.problem.through:
             parts = self.parts
             return join([part.compare() for part in parts], self._law_deviation(parts))
-        if self.problem.system.r and self.contacts:
+        if self.problem.system.r and self.contacts and self.problem.system.order == 1:
             raise ValueError(
                 "expected a path that touches no obstacle, found contact from t = "
                 f"{self.contacts[0].begin:.6g} on: forward integration does not know it; compare "
@@ -812,7 +925,11 @@ class SolveError(RuntimeError):
 
 def _restore(made: list[Any], mesh: Mesh, unknowns: Unknowns) -> Solution:
     """Return a solution whose path is known as unknowns."""
-    known = DiscretePath.restore(made[0], mesh, unknowns)
+    problem, lam = made[0], made[3]
+    if problem.system.r:
+        arcs = arcs_of(np.isfinite(lam[problem.system.m :]), mesh.boundaries, mesh.offsets)
+        problem = Held(problem, arcs)
+    known = DiscretePath.restore(problem, mesh, unknowns)
     made[1] = known.path
     return Solution(*made, known=known)
 

@@ -27,6 +27,7 @@ from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
+from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.mechanics.surface import Surface
@@ -202,7 +203,7 @@ def _check_numbers(found: Solution) -> None:
     rows = found.stats.get("rows")
     given = np.isfinite(found.lam).sum()
     if found.path.velocities is not None:  # multipliers are functions as paths are
-        rows = found.lam.size
+        rows = given if rows else found.lam.size
     if np.any(np.isinf(found.lam)) or rows not in (None, given):
         raise ValueError(f"expected multipliers of {rows} rows of constraints, found {given}")
     if not isinstance(found.stats.get("gain", 1.0), (int, float)):
@@ -325,7 +326,11 @@ def _discrete(found: Solution, problem: Problem) -> DiscretePath:
     unknowns = found.ends.unknowns
     if unknowns is None:
         return DiscretePath.of(problem, found.path, lengths=problem.lengths)
-    tr = Transcription(problem, found.mesh, unknowns.lengths)
+    asked: Problem = problem
+    if problem.system.r:
+        rows = np.isfinite(found.lam[problem.system.m :])
+        asked = Held(problem, arcs_of(rows, found.mesh.boundaries, found.mesh.offsets))
+    tr = Transcription(asked, found.mesh, unknowns.lengths)
     shapes = [
         [None if x is None else np.shape(x) for x in units] for units in (tr.units, unknowns.units)
     ]
@@ -334,7 +339,7 @@ def _discrete(found: Solution, problem: Problem) -> DiscretePath:
             f"expected a system of {unknowns.z.size} unknowns on the mesh of the file, in units of "
             f"shapes {shapes[1]}, found {tr.layout.size}, {shapes[0]}"
         )
-    return DiscretePath.restore(problem, found.mesh, unknowns)
+    return DiscretePath.restore(asked, found.mesh, unknowns)
 
 
 def _answer(found: Solution, system: System | Sequence[System] | str | None) -> Solution | None:

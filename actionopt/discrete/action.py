@@ -283,11 +283,16 @@ class Action:
         (h / 2)^(1 - 2 r), and signs of eigenvalues stay out of round-off.
         """
         found = np.zeros((self.layout.node_count, self.order))
-        for g, shape, half in zip(self.layout.groups, self.layout.shapes, self.halves, strict=True):
+        for k, (g, shape, half) in enumerate(
+            zip(self.layout.groups, self.layout.shapes, self.halves, strict=True)
+        ):
             points, h = g.nodes.shape[1], half[:, 0]
-            square = (shape.stiffness[0][0] @ np.ones(points))[:: points + 1]
-            part = h * (self.rate * h) ** (2 * self.order - 1) * square
-            part = part * shape.scale(half.ravel()) ** 2
+            if self.layout.partial:
+                part = self.contact_row_weights(k)
+            else:
+                square = (shape.stiffness[0][0] @ np.ones(points))[:: points + 1]
+                part = h * (self.rate * h) ** (2 * self.order - 1) * square
+                part = part * shape.scale(half.ravel()) ** 2
             np.add.at(found, (g.nodes[:, shape.node], shape.derivative), part)
         if self.layout.closed:
             found[0] += found[-1]
@@ -332,6 +337,9 @@ class Action:
         z = np.zeros(layout.size)
         places = Q if self.order == 1 else self.places_of(Q)
         z[: layout.unknowns] = self.pack_places(places)
+        if lam is not None and layout.rows and self.order > 1 and layout.partial:
+            z[layout.unknowns :] = self._fit_multipliers(z[: layout.unknowns])
+            return z
         if lam is not None and layout.rows and self.order > 1:
             lam = self._places(np.nan_to_num(lam))
         if lam is not None and layout.rows:
@@ -348,6 +356,16 @@ class Action:
         x = places.ravel()[self.layout.free]
         return (x if self.x_origin is None else x - self.x_origin) / self.x_unit
 
+    def unknowns_of(self, places: Array) -> Array:
+        """Return z of what is at the nodes, (K, width), where L contains accelerations.
+
+        With the multipliers of rows in contact that belong to it; without those of constraints.
+        """
+        x = self.pack_places(places)
+        if not (self.layout.rows and self.layout.partial):
+            return x
+        return np.concatenate([x, self._fit_multipliers(x)])
+
     def unpack(self, z: Array) -> tuple[Array, Array]:
         """Return coordinates (K, n) and multipliers (K, m); NaN where there is no row."""
         return self.coordinates(z), self.multipliers(z)
@@ -356,8 +374,10 @@ class Action:
         """Return the multipliers (K, m); NaN where there is no row."""
         layout = self.layout
         lam = np.full((layout.node_count, self.problem.system.m), np.nan)
+        if layout.rows and self.order > 1 and layout.partial:
+            return self._contact_multipliers(z)
         if layout.rows and self.order > 1:
-            lam[layout.node_of] = self._multipliers_between(z)
+            lam[layout.node_of] = self.multipliers_between(z)
         elif layout.rows:
             lam[layout.row_node, layout.row_constraint] = (
                 z[layout.unknowns : layout.size] * self.mu_unit
@@ -384,15 +404,96 @@ class Action:
         scale = shape.scale(self.halves[group].ravel())
         return each[g.nodes[:, shape.node], shape.derivative] * scale[:, :, None]
 
-    def _multipliers_between(self, z: Array) -> Array:
-        """Return the multipliers at the evaluations, (evaluations, m): functions as paths are."""
+    def contact_rows(self, group: int) -> Array:
+        """Return what rows in contact make of the constraints, (E, d + 1, d + 1), of one degree.
+
+        As `Element.contact` says; at a node of two elements each has half of the row.
+        """
+        g, shape = self.layout.groups[group], self.layout.shapes[group]
+        rows, power = shape.contact
+        found = rows * (self.halves[group] ** power[:, None])
+        inner = np.isin(g.nodes[:, [0, -1]], self.layout.offsets[1:-1]) | bool(self.layout.closed)
+        share, r = np.where(inner, 0.5, 1.0), self.order
+        found[:, :r] *= share[:, :1, None]
+        found[:, -r:] *= share[:, 1:, None]
+        return found
+
+    def contact_row_weights(self, group: int) -> Array:
+        """Return the parts (E, d + 1) of `_row_weights` of such rows: int f phi of what they hold.
+
+        They grow as its length to the power of 2 r - 1, of 2 r where a row is an integral.
+        """
+        shape, half = self.layout.shapes[group], self.halves[group].ravel()
+        own = np.einsum("eak,ka->ea", self.contact_rows(group), shape.basis[0])
+        stiff = (self.rate * half[:, None]) ** (2 * self.order - 1)
+        return stiff * np.abs(own) * shape.scale(half)
+
+    def row_multipliers(self, z: Array) -> Array:
+        """Return the multipliers of the rows where they are kept, (K, order m); zero for none."""
         layout = self.layout
         places = np.zeros(layout.row_number.shape)
         places[layout.row_node, layout.row_constraint] = (
             z[layout.unknowns : layout.size] * self.mu_unit
         )
+        return places
+
+    def _by_elements(self, group: int, places: Array) -> Array:
+        """Return what is kept for the elements of one degree, (E, d + 1, m), as it is kept."""
+        g, shape = self.layout.groups[group], self.layout.shapes[group]
+        each = places.reshape(len(places), self.order, -1)
+        return each[g.nodes[:, shape.node], shape.derivative]
+
+    def contact_density(self, places: Array) -> Array:
+        """Return what presses between the nodes that rows hold, (evaluations, m), of `places`.
+
+        As `row_multipliers` has them: without impulses and couples at these nodes.
+        """
+        found = np.zeros((self.layout.evaluations, self.problem.system.m))
+        for k, (g, shape) in enumerate(zip(self.layout.groups, self.layout.shapes, strict=True)):
+            inner = np.isin(np.arange(g.nodes.shape[1]), shape.ends, invert=True)
+            rows = self.contact_rows(k)[:, inner]
+            of_inner = self._by_elements(k, places)[:, inner]
+            part = np.einsum("eak,eai->eki", rows, of_inner)
+            found[g.span] = part.reshape(-1, found.shape[1]) / self.weight[g.span]
+        return found
+
+    def _contact_multipliers(self, z: Array) -> Array:
+        """Return the multipliers (K, m) of rows in contact: per time, impulses as all others."""
+        layout, m = self.layout, self.problem.system.m
+        work, weight = self.multipliers_between(z) * self.weight, self.weight[:, 0]
+        found = np.stack([np.bincount(layout.node_of, w, layout.node_count) for w in work.T], 1)
+        if layout.closed:
+            found[0] = found[-1] = found[0] + found[-1]
+        found /= np.bincount(layout.node_of, weight, layout.node_count)[:, None]
+        on = self.problem.in_force(self.mesh.boundaries, layout.offsets)
+        assert on is not None
+        on = on[:, :m].copy()
+        on[layout.offsets] &= layout.row_number[layout.offsets, :m] >= 0
+        return np.where(on, found, np.nan)
+
+    def _fit_multipliers(self, x: Array) -> Array:
+        """Return the multipliers (rows,) of rows in contact with which x is nearest stationary."""
+        layout = self.layout
+        rows, J = np.zeros((layout.rows, layout.unknowns)), layout.jacobian
+        rows[J.row, J.col] = self.jacobian(x)
+        pull = self.gradient(x)
+        if not (np.isfinite(rows).all() and np.isfinite(pull).all()):
+            return np.zeros(layout.rows)
+        return np.linalg.lstsq(rows.T, -pull, rcond=None)[0]
+
+    def multipliers_between(self, z: Array) -> Array:
+        """Return the multipliers at the evaluations, (evaluations, m): functions as paths are.
+
+        In contact, what rows make of an evaluation over its weight.
+        """
+        layout, places = self.layout, self.row_multipliers(z)
         found = np.empty((layout.evaluations, self.problem.system.m))
         for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
+            if layout.partial:
+                of_rows = self._by_elements(k, places)
+                part = np.einsum("eak,eai->eki", self.contact_rows(k), of_rows)
+                found[g.span] = part.reshape(-1, found.shape[1]) / self.weight[g.span]
+                continue
             part = by_each(shape.basis[0], self.local(k, places))
             found[g.span] = part.reshape(-1, found.shape[1])
         return found
@@ -689,8 +790,12 @@ class Action:
                 zip(self.layout.groups, self.layout.shapes, strict=True)
             ):
                 half, w = self.halves[k], g.rule.weights[:, None]
-                part = half * by_each(shape.basis[0].T, w * f[g.span].reshape(*g.nodes.shape, -1))
-                part *= shape.scale(half.ravel())[:, :, None]
+                local = f[g.span].reshape(*g.nodes.shape, -1)
+                if self.layout.partial:
+                    part = self.contact_rows(k) @ local
+                else:
+                    part = half * by_each(shape.basis[0].T, w * local)
+                    part *= shape.scale(half.ravel())[:, :, None]
                 at = shape.derivative[:, None] * f.shape[1] + np.arange(f.shape[1])
                 np.add.at(found, (g.nodes[:, shape.node][:, :, None], at), part)
             if self.layout.closed:
@@ -769,7 +874,7 @@ class Action:
         if not layout.rows or system.structure.affine_constraint:
             return None
         if self.order > 1:
-            at = self.place(z[: layout.unknowns]).at[:, : system.n], self._multipliers_between(z)
+            at = self.place(z[: layout.unknowns]).at[:, : system.n], self.multipliers_between(z)
             return system.pointwise("constraint_curvature")(*at, self.times, self.problem.packed)[0]
         Q = self.place(z[: layout.unknowns]).Q
         lam = np.zeros(layout.row_nodes.size * system.m)
@@ -794,6 +899,11 @@ class Action:
         G, found = self.normals(x), []
         for k, (g, shape) in enumerate(zip(self.layout.groups, self.layout.shapes, strict=True)):
             half, points = self.halves[k], g.nodes.shape[1]
+            if self.layout.partial:
+                rows = self.contact_rows(k)[:, :, None] * shape.basis[0].T
+                part = rows @ G[g.span].reshape(len(g.nodes), 1, points, -1)
+                found.append(part * shape.scale(half.ravel())[:, None, :, None])
+                continue
             local = G[g.span].reshape(len(g.nodes), points, -1) * half
             part = (shape.stiffness[0][0] @ local).reshape(len(g.nodes), points, points, -1)
             scale = shape.scale(half.ravel())

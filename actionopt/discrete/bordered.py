@@ -367,6 +367,12 @@ def equations_of(
     `moves` are motions of configuration space that a closed path may be subjected to.
     """
     problem, tr = at.problem, at.tr
+    if not asked.has_free_boundary and tr.order > 1 and problem.touches:
+        if asked is problem:
+            return tr, at.z
+        equations = Transcription(asked, at.mesh, tr.lengths, like=tr)
+        x = equations.pack_places(tr.place(at.x).places)
+        return equations, np.concatenate([x, at.z[at.x.size :]])  # of no values at nodes
     if not asked.has_free_boundary:
         equations = Transcription(asked, at.mesh, tr.lengths, like=tr)
         return equations, equations.pack(at.Q, at.lam)

@@ -7,7 +7,8 @@ A path of least action meets an obstacle tangentially: the slip
 on the free side of where contact begins or ends, v from the discrete momentum p of the element
 there, which is accurate to order 2d. (The derivative of the action by such a time is the square of
 the slip: as an equation it would have a double root.) As such a time moves, so do the boundaries of
-elements between its neighbours, and the equations change with them (`by_boundaries`).
+elements between its neighbours, and the equations change with them (`by_boundaries`). Where L
+contains accelerations velocities are continuous, unknowns of the path, and df/dt = 0 is theirs.
 """
 
 from __future__ import annotations
@@ -30,13 +31,14 @@ from actionopt.discrete.mesh import Group
 from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held, contacts_of
-from actionopt.mechanics.obstacle import Arc
+from actionopt.mechanics.obstacle import Arc, rates_of_rows
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
 # Slips that change by less with the times of contact, over the duration and in a typical rate of f,
 # change by round-off, as where nothing presses, whatever the times are. Ad hoc.
 PRESSING = 1e-12
+FLAT_MOMENT = 1e-8  # in a typical f over the duration's square: d2f/dt2 that is none; ad hoc
 VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
 
 
@@ -146,6 +148,8 @@ class ContactEquations:
         self.held, self.lengths = contacts_of(first.problem), first.lengths
         self.times = self.held.contact_times
         arcs = [t for arc in self.held.arcs or () for t in (arc.begin, arc.end)]
+        if first.order > 1:  # of a moment, once
+            arcs = [t for x in self.held.arcs or () for t in dict.fromkeys((x.begin, x.end))]
         if np.sum(~np.isin(arcs, self.held.fixed_times)) != self.times.size:
             raise ValueError(
                 "expected times of contact that differ, found one at which two rows meet: give "
@@ -224,6 +228,46 @@ class ContactEquations:
         return border_matrix(equations.layout, equations.kkt(own), *edges)[1]
 
 
+def bend_of_contacts(at: DiscretePath) -> tuple[Array, Array]:
+    """Return what contacts add to the second variation of a path with accelerations.
+
+    An obstacle gives an impulse nu at the moment at which f is zero and least. That moment moves
+    with the path by -d(df/dt) / f'', and f there, held at zero, is less by half the square of it:
+    nu (d(df/dt))^2 / f'' in all, nonzeros of the path's matrix. (The term of a constraint that
+    holds at infinitely many times; R. Hettich and K. O. Kortanek, *SIAM Review* 35 (1993) 380,
+    section 5.) Where an arc begins or ends f'' = 0, and what holds f there holds df/dt as well:
+    rows (c, unknowns) that are to vanish.
+    """
+    held, tr = contacts_of(at.problem), at.tr
+    layout, nonzeros, rows = tr.layout, np.zeros(tr.layout.blocks.count), []
+    function, kept = rates_of_rows(held.system), tr.row_multipliers(at.z)
+    flat = FLAT_MOMENT * tr.row_units / held.duration**2
+    for rate in _rates(at):
+        node = layout.offsets[rate.boundary]
+        place, time = tr.place(at.x).places[node][None], at.mesh.nodes[node : node + 1, None]
+        a = at.rates[1][node][None]
+        bent = function(place, a, time, held.packed)[3][0][rate.row]
+        number = layout.number[node]
+        free = number >= 0
+        slope = (rate.by_place * tr.place_units)[free]
+        if rate.edge or bent < flat[rate.row]:
+            rows.append(np.zeros(layout.unknowns))
+            rows[-1][number[free]] = slope
+            continue
+        nu = -kept[node, rate.row] / tr.action_unit
+        layout.blocks.add(nonzeros, number[free], nu / bent * np.outer(slope, slope))
+    return nonzeros, np.array(rows).reshape(-1, layout.unknowns)
+
+
+def restrict(basis: Array, rows: Array) -> Array:
+    """Return a basis (size, c) of what of another one leaves rows (r, unknowns) at zero."""
+    if not len(rows):
+        return basis
+    of_basis = rows @ basis[: rows.shape[1]]
+    of_basis /= np.linalg.norm(of_basis, axis=1, keepdims=True)
+    return basis @ np.linalg.svd(of_basis)[2][len(rows) :].T
+
+
 def merge_contacts(held: Held, a: float, b: float) -> tuple[Arc, ...]:
     """Return the parts in contact when what is between two times of contact has vanished."""
     both = a if a in held.fixed_times else b if b in held.fixed_times else (a + b) / 2
@@ -236,6 +280,48 @@ def merge_contacts(held: Held, a: float, b: float) -> tuple[Arc, ...]:
             begin = found.pop().begin
         found.append(Arc(arc.row, begin, end))
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class Rate:
+    """What `Slip` is where L contains accelerations: df/dt, of q and v at a node.
+
+    Attributes
+    ----------
+    value : float
+    row : int
+        Of the obstacle.
+    edge : bool
+        Whether an arc begins or ends there.
+    boundary : int
+        Of the mesh, where that is.
+    by_place : (2 n,) array
+        Derivatives by q and v there.
+    by_t : float
+    """
+
+    value: float
+    row: int
+    edge: bool
+    boundary: int
+    by_place: Array
+    by_t: float
+
+    def by_times(self, stretch: Stretch) -> Array:
+        """Return its derivatives as boundaries move, (J,)."""
+        return self.by_t * stretch.rates[:, self.boundary]
+
+    def by_path(self, at: DiscretePath, second: list[Array]) -> Array:
+        """Return its derivative by x, (unknowns,)."""
+        tr = at.tr
+        number = tr.layout.number[tr.layout.offsets[self.boundary]]
+        free, found = number >= 0, np.zeros(tr.layout.unknowns)
+        found[number[free]] = self.by_place[free]
+        return found * tr.x_unit
+
+    def by_multipliers(self, at: DiscretePath) -> Array:
+        """Return its derivatives by the multipliers of integrals that are given, (c,): none."""
+        return np.zeros(at.problem.original.kappa.size)
 
 
 class Slip(NamedTuple):
@@ -309,14 +395,34 @@ class Slip(NamedTuple):
         return self.group.rule.degree + 1
 
 
-def slips(at: DiscretePath) -> Iterator[Slip]:
+def slips(at: DiscretePath) -> Iterator[Slip | Rate]:
     """Yield how the path meets the obstacle where contact begins and ends, on the free side."""
     held, mesh = contacts_of(at.problem), at.mesh
+    if at.tr.order > 1:
+        yield from _rates(at)
+        return
     for arc in held.arcs or ():
         for t, first in ((arc.begin, False), (arc.end, True)):
             if t not in held.fixed_times:
                 b = int(np.argmin(np.abs(mesh.boundaries - t)))
                 yield _slip(at, held.free.system.m + arc.row, b, first)
+
+
+def _rates(at: DiscretePath) -> Iterator[Rate]:
+    """Yield the same where L contains accelerations; velocities are unknowns there."""
+    held, mesh, tr = contacts_of(at.problem), at.mesh, at.tr
+    m, n, places = held.system.m, held.system.n, tr.place(at.x).places
+    function = rates_of_rows(held.system)
+    for arc in held.arcs or ():
+        for t in dict.fromkeys((arc.begin, arc.end)):
+            if t in held.fixed_times:
+                continue
+            b = int(np.argmin(np.abs(mesh.boundaries - t)))
+            place, time = places[tr.layout.offsets[b]][None], mesh.boundaries[b : b + 1, None]
+            found = function(place, np.zeros((1, n)), time, held.packed)
+            value, by_place, by_t = (x[0].copy() for x in found[:3])
+            i, by_place = arc.row, by_place.reshape(m, -1)  # columns of the Jacobian's transpose
+            yield Rate(float(value[i]), i, not arc.point, b, by_place[i], float(by_t[i]))
 
 
 def _slip(at: DiscretePath, row: int, boundary: int, first: bool) -> Slip:

@@ -88,6 +88,23 @@ class Element:
         rows = [np.roll(monomials, k, axis=1) * (powers >= k) for k in powers]
         return rows, np.stack([row[-1] for row in rows])
 
+    @cached_property
+    def contact(self) -> tuple[Array, NDInt]:
+        """What holds a function at zero, by its values at the nodes, and its powers of h / 2.
+
+        A row for each unknown (d + 1, d + 1): derivatives at the ends, and between its integrals
+        times Legendre's polynomials. (Both ends may be held alone, or what is between: the forces
+        that do so are impulses at the ends, and functions between that need not vanish there.)
+        """
+        x, w, r = self.rule.nodes, self.rule.weights, self.order
+        rows = np.zeros((x.size, x.size))
+        for k in range(r):
+            power = np.linalg.matrix_power(self.rule.derivative, k)
+            rows[k], rows[k - r] = power[0], power[-1]
+        inner = x.size - 2 * r
+        rows[r : r + inner] = w * legendre.legvander(x, inner)[:, :inner].T
+        return rows, np.where(np.isin(np.arange(x.size), self.ends), -self.derivative, 1)
+
     def derivatives(self, local: Array) -> list[Array]:
         """Return the derivatives by xi at the nodes, up to that of order r, (E, d + 1, n) each.
 

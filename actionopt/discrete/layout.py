@@ -96,8 +96,9 @@ class Layout(MatrixLayout):
         unknowns and no rows of its own. Else empty.
     nodal : tuple of int
         Nodes whose coordinates are coupled by a term of their own (`nodal`).
-    in_force : (K, m) array of bool, optional
-        Which constraints are so at each node; all of them if None.
+    in_force : (K, order m) array of bool, optional
+        Which constraints are so at each node; all of them if None. In higher orders, which of their
+        rates below the order are so as well.
     inner : tuple of (int, tuple of int)
         Boundaries between elements at which a path passes events, and the places given there.
 

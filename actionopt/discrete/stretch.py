@@ -149,9 +149,72 @@ class Stretch:
         found = np.zeros((layout.size, len(self.rates)))
         for j, part in enumerate(self.parts):
             found[: layout.unknowns, j] = tr.at_unknowns(part)
-        if self.timed and layout.rows:
+        if layout.rows and tr.order > 1:
+            self._add_contact_rows(found)
+        elif self.timed and layout.rows:
             self._add_rows(found)
         return found
+
+    def _add_contact_rows(self, found: Array) -> None:
+        """Add what rows of higher orders change by, which hold f at all nodes of their elements."""
+        tr, layout = self.at.tr, self.at.tr.layout
+        system, packed, n, m = tr.problem.system, tr.problem.packed, tr.problem.system.n, 0
+        q, times, z = tr.place(self.at.x).at[:, :n], tr.times, self.at.z
+        m, pointwise, jets = system.m, system.pointwise, self._shifts[0][0]
+        assert jets is not None
+        kept, shift = tr.row_multipliers(z), jets[:, :n]
+        jacobian, curvature = pointwise("constraint_jacobian"), pointwise("constraint_curvature")
+        G, f = (x.copy() for x in jacobian(q, times, packed))
+        G, lam = jacobian.full(0, G), tr.multipliers_between(z)
+        bent = curvature.full(0, curvature(q, lam, times, packed)[0], symmetric=True)
+        turned = pointwise("normal_rate")(q, lam, times, packed)[0].copy()
+        moving = pointwise("constraint_rate")(q, times, packed)[0].copy()
+        force = np.einsum("kmn,km->kn", G, lam)
+        along = np.einsum("kmn,kn->km", G, shift)
+        bent = np.einsum("kij,kj->ki", bent, shift)
+        for j, (longer, later) in enumerate(zip(self.longer, self.later, strict=True)):
+            change = along * longer[:, None] + moving * later[:, None]
+            rows, pressed = np.zeros(layout.row_number.shape), np.zeros_like(lam)
+            unit = self._change_of_units(longer)
+            for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
+                each, points, power = tr.contact_rows(k), g.nodes.shape, shape.contact[1][:, None]
+                grown = power * longer[g.span].reshape(points)[:, :1, None]
+                part = each @ change[g.span].reshape(*points, m)
+                part += grown * (each @ f[g.span].reshape(*points, m))
+                at = shape.derivative[:, None] * m + np.arange(m)
+                np.add.at(rows, (g.nodes[:, shape.node][:, :, None], at), part)
+                own = kept.reshape(len(kept), tr.order, m)[g.nodes[:, shape.node], shape.derivative]
+                own = own * (grown - unit[g.nodes[:, shape.node], shape.derivative][:, :, None])
+                pressed[g.span] = np.einsum("eak,eai->eki", each, own).reshape(-1, m)
+            if layout.closed:
+                rows[0] += rows[-1]
+            work = bent * longer[:, None] + turned * later[:, None]
+            work += np.einsum("kmn,km->kn", G, pressed / tr.weight)
+            none = np.zeros((len(q), layout.width - n))
+            by_place = np.concatenate([work, none], axis=1)
+            own = np.concatenate([force, none], axis=1)
+            parts = tr.pull_back(by_place, 0 * q)
+            # What weights of evaluations are made of does not change: forces are held as they are.
+            parts += tr.pull_back(own, 0 * q) * (layout.derivative * longer)[:, None]
+            found[: layout.unknowns, j] += tr.at_unknowns(parts)
+            at, unit = (layout.row_node, layout.row_constraint), np.repeat(unit, m, axis=1)
+            change = rows[at] / tr.row_unit - tr.constraint(self.at.x) * unit[at]
+            found[layout.unknowns : layout.size, j] += change
+
+    def _change_of_units(self, longer: Array) -> Array:
+        """Return how the logarithms of the units of rows in contact change, (K, order)."""
+        tr, layout = self.at.tr, self.at.tr.layout
+        found, whole = np.zeros((2, layout.node_count, tr.order))
+        for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
+            part = tr.contact_row_weights(k)
+            power = 2 * tr.order - 1 + shape.contact[1] + shape.derivative
+            at = g.nodes[:, shape.node], shape.derivative
+            np.add.at(whole, at, part)
+            np.add.at(found, at, part * power * longer[g.span].reshape(g.nodes.shape)[:, :1])
+        if layout.closed:
+            for x in (found, whole):
+                x[0] += x[-1]
+        return found / np.where(whole > 0, whole, 1.0)
 
     def _add_rows(self, found: Array) -> None:
         """Add what the constraints change by, and with them the forces that keep them."""

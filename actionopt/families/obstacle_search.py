@@ -19,7 +19,8 @@ def curves(problem: Problem, starts: int, seed: int) -> list[Path | None]:
 
     Those are `starts` random curves and their mirror images.
     """
-    mesh = Mesh.uniform(problem.start.t, problem.end.t, CURVE_ELEMENTS, 1)
+    degree = 2 * problem.system.order - 1  # the least that there is
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, CURVE_ELEMENTS, degree)
     line = Transcription(problem, mesh, problem.lengths).straight().T
     sines = np.sin(
         np.pi * np.outer(np.arange(1, CURVE_WAVES + 1), mesh.nodes_since / mesh.duration)

@@ -32,13 +32,14 @@ from actionopt.discrete.path import Path
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, present, with_values
-from actionopt.mechanics.held import Held
+from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.obstacle import INSIDE, contact_conditions, is_pulled
 from actionopt.solver.refine import ROUNDS, split
 from actionopt.solver.solve import Guess, solve
 from actionopt.solver.through import objection
+from actionopt.solver.touching import depths, pressing_parts
 from actionopt.solver.window import with_window_of
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import flag, number, whole
@@ -276,9 +277,10 @@ class _TraceRun:
         if why:
             return self._halve(length, SHORTEST_TOLD, why)
         if self._changes_contact(there):
-            if not self._resume(there, there.s):
-                self.end("contact changes there, and no least path with the next one is near")
-            elif beyond is not None:
+            if not self._resume(there, there.s):  # it may be near where contact changes
+                why = "contact changes there, and no least path with the next one is near"
+                return self._halve(length, SHORTEST_CONTACT, why)
+            if beyond is not None:
                 self.stopped = f"it reached {self._names()[beyond]}"
             return length
         index = self._index(there)
@@ -410,6 +412,9 @@ class _TraceRun:
             return False
         if not self.branch.arcs:
             at = DiscretePath.of(Held(at.problem.free, ()), at.path)
+        if at.tr.order > 1:
+            pulled = pressing_parts(at) != contacts_of(at.problem).arcs
+            return pulled or bool((depths(at, self.sizes)[1] > INSIDE * self.tol).any())
         _, on, depth, push, unit = contact_conditions(at, self.sizes)
         return bool((depth > INSIDE * self.tol).any() or (on & is_pulled(push, unit)).any())
 

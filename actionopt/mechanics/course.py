@@ -160,11 +160,14 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
     system, n = problem.system, problem.system.n
     for event in events:
         unknown = event.t is None or event.on is not None
-        if system.m and system.order > 1 and (unknown or isinstance(event, Periodic)):
+        held = (system.m or system.r) and system.order > 1
+        if held and (unknown or isinstance(event, Periodic)):
+            what = "constraints stand" if system.m else "an obstacle stands"
             raise ValueError(
-                "expected times and places of events where constraints stand beside a Lagrangian "
+                f"expected times and places of events where {what} beside a Lagrangian "
                 f"with accelerations, found {event!r}: what they do to a time that is found, or "
-                "round a closed path, is not known there; use coordinates that need none"
+                "round a closed path, is not known there; "
+                + ("use coordinates that need none" if system.m else "give the time and the place")
             )
         if len(event.rates) >= system.order:
             name = RATES[len(event.rates) - 1]

@@ -81,6 +81,11 @@ class NumericLaws(Laws):
 
     def constraint_jacobian(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return G = df/dq, shape (m, n, K) or (m, n)."""
+        if self.order > 1:
+            arguments, single = self.arguments(q, NO_VELOCITY, t, parameters)
+            jacobian = self.pointwise("constraint_jacobian")
+            G = jacobian.full(0, jacobian(*arguments)[0])
+            return G[0] if single else np.moveaxis(G, 0, -1)
         columns, _ = _as_columns(q, self.n, "q")
         G = self._at("motion", q, np.zeros_like(columns).reshape(np.shape(q)), t, parameters)[2]
         return np.swapaxes(G.reshape(self.n, self.m, *G.shape[1:]), 0, 1)

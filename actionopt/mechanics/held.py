@@ -129,9 +129,14 @@ class Held(Problem):
         """Return which rows are in force at the nodes of a mesh, (K, m + r); None for all.
 
         The mesh is given by the boundaries of its elements and the nodes there, both (N + 1,).
+        Where L contains accelerations (K, 2 (m + r)): those of df/dt stand behind. They are in
+        force where f is zero on both sides, and at events: where contact begins and ends df/dt = 0
+        tells that time.
         """
         if self.arcs is None:
             return None
+        if self.system.order > 1:
+            return self._in_force(boundaries, offsets)
         m, middle = self.free.system.m, (boundaries[:-1] + boundaries[1:]) / 2
         found = np.zeros((offsets[-1] + 1, self.system.m), dtype=bool)
         found[:, :m] = True
@@ -142,6 +147,23 @@ class Held(Problem):
             elif arc.point:
                 b = int(np.argmin(np.abs(boundaries - arc.begin)))
                 found[offsets[b], m + arc.row] = True
+        return found
+
+    def _in_force(self, boundaries: Array, offsets: NDInt) -> NDArray[np.bool_]:
+        """Return what `in_force` does where L contains accelerations: nothing but the obstacle."""
+        r, middle = self.system.m, (boundaries[:-1] + boundaries[1:]) / 2
+        found = np.zeros((offsets[-1] + 1, 2 * r), dtype=bool)
+        for arc in self.arcs or ():
+            inside = np.flatnonzero((arc.begin < middle) & (middle < arc.end))
+            if inside.size:
+                first, last = inside[0], inside[-1] + 1
+                found[offsets[first] : offsets[last] + 1, arc.row] = True
+                first += arc.begin not in self.fixed_times
+                last -= arc.end not in self.fixed_times
+                found[offsets[first : last + 1], r + arc.row] = True
+            elif arc.point:
+                b = int(np.argmin(np.abs(boundaries - arc.begin)))
+                found[offsets[b], arc.row] = True
         return found
 
     def acceleration(self, q: Array, v: Array, t: Array, *, parameters=None) -> Array:

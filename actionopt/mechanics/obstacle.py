@@ -14,6 +14,8 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.canonical import rate_of
+from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
@@ -46,6 +48,22 @@ class Arc:
         return self.begin == self.end
 
 
+def rates_of_rows(system: System) -> Pointwise:
+    """Return the function of df/dt, its derivatives by (q, v) and by t, and of d2f/dt2.
+
+    Those of the constraints (m,) of a Lagrangian with accelerations, of (q, v), a, t and p.
+    """
+
+    def build() -> Pointwise:
+        s = system.symbols
+        rate = rate_of(system, system.f)
+        outputs = rate, ca.jacobian(rate, s.q).T, ca.jacobian(rate, s.t), rate_of(system, rate)
+        arguments = [s.q, s.v, s.t, s.p]
+        return Pointwise(ca.Function("rates", arguments, [ca.densify(x) for x in outputs]))
+
+    return system.memoize("rates of rows", build)
+
+
 def check_rows(system: System) -> None:
     """Raise ValueError for a row of the obstacle that contains no coordinate."""
     rows, _ = system.with_contact.pointwise("constraint_jacobian").sparsity(0)
@@ -55,6 +73,59 @@ def check_rows(system: System) -> None:
             "expected an obstacle whose rows each contain a coordinate, found that row "
             f"{np.argmin(count)} contains none; remove it, or correct it"
         )
+
+
+def put_on_obstacle(system: System, places: Array, t: float, packed: Array) -> Array:
+    """Return q and v (2 n,) without their round-off off the rows, of a path that lies on all."""
+    if not system.r:
+        return places
+    held, n, found = system.with_contact, system.n, places.copy()
+    jacobian, time = held.pointwise("constraint_jacobian"), np.array([[t]])
+    G, f = (x.copy() for x in jacobian(found[None, :n], time, packed))
+    inverse = np.linalg.pinv(jacobian.full(0, G)[0])
+    found[:n] -= inverse @ f[0]
+    found[n:] -= inverse @ rates_of_rows(held)(found[None], np.zeros((1, n)), time, packed)[0][0]
+    return found
+
+
+def check_rates_outside(
+    system: System, packed: Array, events: Sequence[Event], scales: Array, duration: float
+) -> None:
+    """Raise ValueError where velocities that are given lead into the obstacle from events on it.
+
+    And where none is given at an event on it that is passed: the path touches it there.
+    """
+    held, n = system.with_contact, system.n
+    function, jacobian = rates_of_rows(held), held.pointwise("constraint_jacobian")
+    for k, event in enumerate(events):
+        places, t = event.places(2), np.array([[event.t]])
+        if None in places[:n]:
+            continue
+        q = np.array([places[:n]], dtype=float)
+        G, f = (x.copy() for x in jacobian(q, t, packed))
+        sizes = np.abs(jacobian.full(0, G)[0]) @ scales
+        on = f[0] <= EVENT_TOLERANCE * sizes
+        if not on.any():
+            continue
+        inner, first = 0 < k < len(events) - 1, k == 0
+        if None in places:
+            if inner:
+                raise ValueError(
+                    f"expected the velocity at event {k - 1} of through, which lies on the "
+                    f"obstacle, found none at t = {event.t}, q = {event.q}: a path touches the "
+                    "obstacle there; give v=, along the obstacle"
+                )
+            continue
+        rate = function(np.array([places], dtype=float), np.zeros((1, n)), t, packed)[0][0]
+        least = EVENT_TOLERANCE * (sizes + np.abs(jacobian.full(0, G)[0] @ places[n:]) * duration)
+        rate = rate * duration
+        wrong = on & (np.abs(rate) > least if inner else (rate if first else -rate) < -least)
+        if wrong.any():
+            raise ValueError(
+                f"expected a velocity that does not lead into the obstacle, found v = "
+                f"{event.rates[0]} at t = {event.t}, q = {event.q}, which lies on row "
+                f"{np.argmax(wrong)} of it; give one along the obstacle, or away from it"
+            )
 
 
 def check_outside(

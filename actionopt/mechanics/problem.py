@@ -26,7 +26,7 @@ from actionopt.mechanics.course import (
 )
 from actionopt.mechanics.events import Bounce, Event, Periodic
 from actionopt.mechanics.instants import Instant, instants, merge
-from actionopt.mechanics.obstacle import check_outside, check_rows
+from actionopt.mechanics.obstacle import check_outside, check_rates_outside, check_rows
 from actionopt.mechanics.pulses import centres
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.scales import motion_of, scales_of
@@ -134,6 +134,9 @@ class Problem:
             check_rows(self.system)
             if self.asked is None:  # places that are found are not the question's
                 check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
+                if self.system.order > 1:
+                    known = self.joints_found, self.scales, self.duration
+                    check_rates_outside(self.system, self.packed, *known)
         if isinstance(self.end, Periodic) and self.end.relabel is not None:
             check_alike(self)
 

@@ -300,7 +300,7 @@ class System(NumericLaws):
         given, used = call(law, role, {"q": Q, "v": V} if role == "length" else state, named)
         L = scalar(given, role)
         if order > 1:
-            _check_parts(obstacle)
+            _check_parts(order, obstacle, (constraint, force))
         constraints = forces = ca.SX(0, 1)
         if constraint is not None:
             given, names = call(constraint, "constraint", {"q": Q, "t": T}, named)
@@ -408,6 +408,18 @@ class System(NumericLaws):
         obstacle it is the system itself.
         """
         return self._holding(self.outside) if self.r else self
+
+    def with_obstacle_rows(self, rows: tuple[int, ...]) -> System:
+        """Return the system with some rows of its obstacle alone."""
+
+        def build() -> System:
+            laws = self.L, self.f, self.Q, ca.vertcat(*(self.outside[i] for i in rows)), self.g
+            found = object.__new__(System)
+            found._set(self.symbols, laws, self.coordinates, self.table, self.name, self.source)
+            found._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
+            return found
+
+        return self.memoize(f"with rows {rows}", build) if rows else self.without_obstacle
 
     @Once
     def without_obstacle(self) -> System:
@@ -550,15 +562,22 @@ class System(NumericLaws):
         return vanishes(euler, self._arguments, [*general_states(self.n), packed])
 
 
-def _check_parts(obstacle: Any) -> None:
-    """Raise ValueError for what does not go with accelerations in a Lagrangian."""
-    if obstacle is not None:
+def _check_parts(order: int, obstacle: Any, others: Sequence[Any]) -> None:
+    """Raise ValueError for what does not go with derivatives of an order in a Lagrangian."""
+    if obstacle is None:
+        return
+    if order > 2:
         raise ValueError(
-            "expected no obstacle beside a Lagrangian with accelerations, found one: where a path "
-            "with continuous velocities touches it a momentum jumps, and where is not sought; if "
-            "it touches at a moment give the place and the velocity there as an event whose time "
-            "is found, through=[ao.Event(None, q, v=v)]: `impulses` are -nu df/dq, nu > 0, where "
-            "the obstacle presses"
+            "expected no obstacle beside a Lagrangian with derivatives above accelerations, found "
+            "one: along it contact comes and goes in infinitely many moments; give the places and "
+            "velocities where a path touches it as events whose times are found, "
+            "through=[ao.Event(None, q, v=v)]"
+        )
+    if any(part is not None for part in others):
+        raise ValueError(
+            "expected an obstacle alone beside a Lagrangian with accelerations, found a constraint "
+            "or a force as well: what they do where the obstacle is touched is not known; use "
+            "coordinates that need no constraint"
         )
 
 

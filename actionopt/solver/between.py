@@ -66,7 +66,11 @@ def between(
     system = problem.system
     # Far from zero a path to `tol` may miss the motion, which is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
-    if system.r:
+    if system.r and system.order > 1:
+        from actionopt.solver.touching import Touching
+
+        ws = along = Touching(Held(problem, ()), tol=tol, watch=watch)
+    elif system.r:
         from actionopt.solver.obstacle import Along
 
         ws = along = Along(Held(problem), tol=tol, watch=watch)
@@ -80,9 +84,13 @@ def between(
     try:
         if along is not None:
             from actionopt.solver.least_along import find_least_along
+            from actionopt.solver.touching import Touching, find_touching
 
             search.begin("obstacle", least=True)
-            search.ws, status = find_least_along(along, tol, curve_of)
+            if isinstance(along, Touching):
+                search.ws, status = find_touching(along, tol, curve_of)
+            else:
+                search.ws, status = find_least_along(along, tol, curve_of)
             status = settle_on(search.ws, status, mesh, least=True)
         else:
             status = _find_smooth(search, guess, curve_of)

@@ -37,6 +37,7 @@ DIVERGING_ITERATES = 1e4  # coordinates this many times their own size: minimisi
 # valley. Above so many unknowns half of that has to do.
 IPOPT_ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
 IPOPT_SIZE = 1500
+FIRST_BARRIER = 1e-4  # in the unit of the action, where a path is near; ad hoc
 OPTIONS: dict[str, Any] = {
     "print_time": 0,
     "calc_lam_p": False,
@@ -301,3 +302,24 @@ def find(
         if principle != "stationary":
             found = np.concatenate([found, answer["lam_g"].full().ravel()])
     return Attempt(found, stats["return_status"], int(stats["iter_count"]))
+
+
+def minimize(
+    x: ca.MX, S: ca.MX, rows: ca.MX, x0: Array, above: Array
+) -> tuple[Attempt, Array, Array]:
+    """Minimise S(x) from near x0, rows being between zero and `above`, all expressions of x.
+
+    Return the attempt, whose z is x, the rows' multipliers, and the rows. Nothing is found where
+    there is no Ipopt.
+    """
+    if not is_there():
+        return Attempt(x0, ABSENT, 0), 0 * above, 0 * above
+    options = {key: value for key, value in OPTIONS.items() if key != "no_nlp_grad"}
+    options |= {"ipopt.max_iter": IPOPT_ITERATIONS["patient least"]}
+    # Else the barrier carries the path off, to where a coarse mesh sees nothing.
+    options |= {"ipopt.mu_init": FIRST_BARRIER}
+    solver = ca.nlpsol("least", "ipopt", {"x": x, "f": S, "g": rows}, options)
+    with raised_later([], stop=False):
+        answer = solver(x0=x0, lbg=0.0, ubg=above)
+    stats, (z, mu, g) = solver.stats(), (answer[k].full().ravel() for k in ("x", "lam_g", "g"))
+    return Attempt(z, stats["return_status"], int(stats["iter_count"])), mu, g

@@ -11,6 +11,7 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -158,6 +159,8 @@ class Iterate(DiscretePath):
     def index(self) -> int:
         """The number of variations on the mesh that lower the action."""
         layout = self.tr.layout
+        if self.tr.order > 1 and self.problem.touches:
+            return _index_in_contact(self)
         factors = self.factors or factorize(self.tr, self.z)
         return factors.negative() - layout.rows
 
@@ -337,6 +340,8 @@ class UnfixedPath(Iterate):
     def index(self) -> int:
         """The number of variations on the mesh that lower W, those of times and phases besides."""
         bordered = self.bordered
+        if self.tr.order > 1 and self.problem.touches:
+            return _index_in_contact(bordered.discrete(self.z))
         factors = factorize(bordered, self.z, nonzeros=bordered.hessian(self.z))
         return factors.negative() - bordered.layout.rows - bordered.multipliers
 
@@ -351,6 +356,18 @@ class UnfixedPath(Iterate):
     def moves(self) -> bool:
         """Whether the path moves at all."""
         return not is_at_rest(self.Q, self.tr.lengths.max())
+
+
+def _index_in_contact(at: DiscretePath) -> int:
+    """Return the index of a path with accelerations along an obstacle.
+
+    Rows of a high degree nearly depend on one another there, and factors do not tell signs.
+    """
+    from actionopt.analysis.index import inertia_through
+
+    with suppress(ValueError):
+        return inertia_through(at, 0.0).index
+    return 1  # L is not convex in the accelerations
 
 
 def _estimate(gain: float, noise: float, unit: float, shown: Resolution) -> dict[str, float]:

@@ -193,7 +193,7 @@ def _draw_strings(
         string = taut_string_round(free, looked_at, side)
         if string is None:
             continue
-        status = _refine_contact(ws, tol, string[1], string[0])
+        status = refine_contact(ws, tol, string[1], string[0])
         if status is not Status.NOT_FOUND and (not best or ws.here.action < best[0].here.action):
             best = copy(ws), status, True
     return best
@@ -229,7 +229,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
         return None
     out = WayOut.of(free)
     if out is None:
-        status = _refine_contact(ws, tol, ())
+        status = refine_contact(ws, tol, ())
         least = status.success and not ws.contact_problem.arcs and not ws.here.index
         return (ws, status, True) if least else None
     other = out.within(out.other_sides(sideways(problem)))
@@ -245,7 +245,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
             return None
         ws.restart()
         ws.take_up(free)
-        status, arcs = _refine_contact(ws, tol, string[1], string[0]), ws.contact_problem.arcs or ()
+        status, arcs = refine_contact(ws, tol, string[1], string[0]), ws.contact_problem.arcs or ()
         if not status.success or ws.here.index or {x.row for x in arcs} != {string[1][0].row}:
             return best and (*best[:2], False)
         if best is None or ws.here.action < best[0].here.action:
@@ -300,7 +300,7 @@ def _least(ws: Along, tol: float, first: list[Iterate]) -> tuple[Along, Status, 
         ws.restart()
         ws.take_up(found)
         try:
-            last = _refine_contact(ws, tol, contact_parts(ws.here))
+            last = refine_contact(ws, tol, contact_parts(ws.here))
         except (OutOfTime, Spent):
             if best is None:
                 raise
@@ -352,7 +352,7 @@ def _lead(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, bool] | Non
                 status = refine(there, last, least=True)
                 changed = there.next_contacts(last / 4) if status.success else None
                 if changed is not None:
-                    status = _refine_contact(there, last, changed, resolved=True)
+                    status = refine_contact(there, last, changed, resolved=True)
                 elif status.success and further == 1.0:
                     status = _judge(there, tol, status)
         if not status.success:
@@ -373,7 +373,7 @@ def _first_led(ws: Along, mesh: Mesh, problem: Problem) -> Along | None:
         other.restart()
         if touch(other, mesh, guess, "patient least"):
             arcs = contact_parts(other.here)
-            if _refine_contact(other, FIRST_TOL, arcs, resolved=True).success:
+            if refine_contact(other, FIRST_TOL, arcs, resolved=True).success:
                 return other
     return None
 
@@ -388,13 +388,13 @@ def release_contacts(ws: Along, tol: float, near: Solution) -> Status:
         ws.restart()
         ws.problem = Held(question, arcs)
         ws.transcribe(near.mesh, near.path, near.lam.T if arcs else None, like=near.path)
-        status = _refine_contact(ws, tol, arcs)
+        status = refine_contact(ws, tol, arcs)
         if status.success:
             break
     return status
 
 
-def _refine_contact(
+def refine_contact(
     ws: Along,
     tol: float,
     arcs: tuple[Arc, ...],

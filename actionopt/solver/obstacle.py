@@ -142,7 +142,7 @@ class Along(Workspace[Iterate]):
         """
         here, held = super()._at(mesh, path, lam, like), self.contact_problem
         old, layout = here.tr, here.tr.layout
-        if held.arcs and layout.rows:
+        if held.arcs and layout.rows and held.system.order == 1:
             t = here.mesh.nodes
             G = held.system.constraint_jacobian(here.Q.T, t, parameters=held.parameters)
             slopes = np.nan_to_num(np.abs(G * old.lengths[:, None]).max(axis=1), nan=np.inf)
@@ -335,9 +335,13 @@ class Along(Workspace[Iterate]):
         gone = (lengths < shortest) & (changes < 0)
         if gone.any():
             k = int(np.flatnonzero(gone)[0])
-            raise ContactChange(merge_contacts(self.contact_problem, knots[k], knots[k + 1]))
+            raise ContactChange(self._merge(knots[k], knots[k + 1]))
         limit = (SHRINK - 1) * lengths
         return min(1.0, float(np.min(limit / np.minimum(changes, limit))))
+
+    def _merge(self, a: float, b: float) -> tuple[Arc, ...]:
+        """Return the parts in contact when what is between two times has vanished."""
+        return merge_contacts(self.contact_problem, a, b)
 
     def _shift(self, times: Array, step: Array) -> None:
         """Move the times of contact, and the mesh and the path with them."""

@@ -1,0 +1,410 @@
+"""Paths with accelerations along obstacles: moments and arcs of contact, impulses, index."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.discrete.contact_times import contact_edges, slips, with_contact_times
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import full
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.obstacle import Arc
+
+SPLINE = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0])
+BEAM = ao.System(
+    lambda q, v, a, x, *, w: a[0] ** 2 / 2 + w * q[0],
+    ["y"],
+    parameters={"w": 2000.0},
+    obstacle=lambda q, x: q[0],
+)
+DISC = ao.System(lambda q, v, a, t: a @ a / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
+
+
+def between(system, start, end, T, tol=1e-10, **more):
+    """Return the path between (q, v) and (q, v) in the time T."""
+    events = ao.Event(0, start[0], v=start[1]), ao.Event(T, end[0], v=end[1])
+    return ao.solve(ao.Problem(system, *events, **more), tol=tol)
+
+
+def dropped(V):
+    """From 1 to 1 in the unit time, with velocities -V and V."""
+    return between(SPLINE, ([1.0], [-V]), ([1.0], [V]), 1.0)
+
+
+def lying(w=2000.0, y=(1.0, 1.0)):
+    """A beam that is clamped at heights y, its ends level."""
+    return between(BEAM, ([y[0]], [0.0]), ([y[1]], [0.0]), 1.0, parameters={"w": w})
+
+
+def free_length(w, y=1.0):
+    """Of a beam that lies on the floor from there on: y = w s^3 (4 l - 3 s) / 72."""
+    return (72 * y / w) ** 0.25
+
+
+def action_of_beam(w):
+    """The beam hangs freely, touches in the middle, or lies there."""
+    if w < 384:
+        return w - w**2 / 1440
+    if w < 1152:
+        return 96 + w / 2 - w**2 / 23040
+    return 2 * w**2 * free_length(w) ** 5 / 135
+
+
+def test_a_spline_touches_a_floor_at_a_moment():
+    found = dropped(5.0)
+    # Half of it is the cubic from (1, -V) to (0, 0) in the time h, of the jerk 12 / h^3 - 6 V /
+    # h^2, which has the other sign after.
+    h, V = 0.5, 5.0
+    (arc,) = found.contacts
+    assert arc.point and arc.begin == pytest.approx(h, abs=1e-12)
+    assert found.action == pytest.approx(56.0, rel=1e-12)
+    assert found.contact_impulses == pytest.approx(
+        np.array([[2 * (6 * V / h**2 - 12 / h**3), 0]]), rel=1e-10
+    )
+    assert found.contact_force([0.3, 0.5]) == pytest.approx(0.0)
+    assert found.morse_index == 0 and found.inertia.nullity == 0
+    before, after = found.momentum([0.25, 0.75])[0]
+    assert after - before == pytest.approx(-found.contact_impulses[0, 0], rel=1e-10)
+
+
+def test_a_faster_one_lies_on_it():
+    found, t1 = dropped(7.0), 3 / 7  # (1 - t / t1)^3 on either side
+    (arc,) = found.contacts
+    assert (arc.begin, arc.end) == pytest.approx((t1, 1 - t1), abs=1e-11)
+    assert found.action == pytest.approx(12 / t1**3, rel=1e-11)
+    assert found.contact_impulses == pytest.approx(np.full((1, 2), 6 / t1**3), rel=1e-9)
+    t = np.linspace(0, t1, 9)
+    assert found(t)[0] == pytest.approx((1 - t / t1) ** 3, abs=1e-10)
+    assert np.abs(found(np.linspace(t1, 1 - t1, 9))).max() < 1e-12
+    assert found.morse_index == 0
+
+
+def test_a_spline_that_stays_above_touches_nothing():
+    found = dropped(3.0)
+    assert found.contacts == () and found.action == pytest.approx(18.0, rel=1e-12)
+    assert found.contact_impulses.shape == (0, 2)
+
+
+def test_a_beam_under_tension_that_touches_nothing_is_refined_as_any_other():
+    law = lambda q, v, a, t: a[0] ** 2 / 2 + 20 * v[0] ** 2  # noqa: E731
+    ends = ([0.43], [-3.5]), ([1.14], [-0.2])
+    found = between(ao.System(law, ["x"], obstacle=lambda q, t: q[0]), *ends, 1.0)
+    assert found.contacts == ()
+    assert found.action == pytest.approx(between(ao.System(law, ["x"]), *ends, 1.0).action)
+
+
+def test_a_beam_lies_on_a_floor(tmp_path):
+    found, y = lying(y=(1.0, 0.8)), (1.0, 0.8)
+    first, last = (free_length(2000.0, h) for h in y)
+    (arc,) = found.contacts
+    assert (arc.begin, arc.end) == pytest.approx((first, 1 - last), abs=1e-11)
+    assert found.contact_impulses == pytest.approx(
+        np.array([[2000 * first / 3, 2000 * last / 3]]), rel=1e-9
+    )
+    assert found.contact_force([0.2, arc.begin, 0.5, arc.end]) == pytest.approx(
+        np.array([[0, 2000, 2000, 2000]]), rel=1e-7
+    )
+    t = np.array([0.0, 0.1, 0.5, 0.9, 1.0])
+    assert found.energy(t) == pytest.approx(0.0, abs=1e-9)  # that of lying at rest
+    assert found.compare().agrees
+    # S falls apart into that of both ends, 2000^2 l^5 / 135 each: as h^(5 / 4).
+    known = found.sensitivity()
+    p = 1.25 * 2000**2 * first**5 / 135 / y[0]
+    assert found.momenta[0][0] == pytest.approx(-p, rel=1e-10)
+    assert known.q0[0] == pytest.approx(p, rel=1e-10)
+    assert known.q0q0[0, 0] == pytest.approx(p / 4 / y[0], rel=1e-6)
+    assert known.q0q1 == pytest.approx(0.0, abs=1e-6)
+    again = pickle.loads(pickle.dumps(found))
+    found.save(tmp_path / "lying.npz")
+    kept = ao.load(tmp_path / "lying.npz", BEAM)
+    for other in (again, kept):
+        assert other.contacts == found.contacts and other.morse_index == 0
+        assert other.contact_impulses == pytest.approx(found.contact_impulses, rel=1e-12)
+        assert other(t) == pytest.approx(found(t), abs=1e-14)
+
+
+@pytest.mark.long
+def test_variations_move_the_moment():
+    """The lowest mode turns the beam where it touches, held there by nu / f'' as by a spring."""
+    found, h, nu, bent = lying(600.0), 0.5, 108.0, 11.5
+    assert found.contact_impulses[0, 0] == pytest.approx(nu, rel=1e-10)
+    assert found.path.acceleration(0.5)[0] == pytest.approx(bent, rel=1e-9)
+
+    def left(value):
+        """Return the moment that a mode of one half lacks in the middle, as that of both."""
+        b = value**0.25
+        c, s = np.cosh(b * h) - np.cos(b * h), np.sinh(b * h) - np.sin(b * h)
+        c1, s1 = np.cosh(b * h) + np.cos(b * h), np.sinh(b * h) + np.sin(b * h)
+        a, d = 2 * b**2 * np.array([c1, s1]) + nu / bent * b * np.array([s1, c])
+        return c * d - s * a
+
+    values = ao.second_variation(found, 1).eigenvalues
+    assert left(values[0] - 1) * left(values[0] + 1) < 0
+    assert ao.conjugate_points(found) == ()
+
+
+@pytest.mark.long
+def test_modes_of_a_beam_that_lies_are_those_of_its_ends():
+    found = lying(y=(1.0, 0.7))
+    both = [(4.730040744862704 / free_length(2000.0, y)) ** 4 for y in (1.0, 0.7)]
+    assert ao.second_variation(found, 2).eigenvalues == pytest.approx(both, rel=1e-6)
+
+
+@pytest.mark.long
+def test_a_load_is_traced_from_lying_to_hanging():
+    events = ao.Event(0, [1.0], v=[0.0]), ao.Event(1, [1.0], v=[0.0])
+    found = ao.trace(ao.Problem(BEAM, *events), "w", 300.0)
+    assert found.stopped == "it reached the goal" and not found.indices.any()
+    known = [action_of_beam(w) for w in found.values]
+    assert found.actions == pytest.approx(known, rel=1e-7)
+    kinds = [[arc.point for arc in found.solution(k).contacts] for k in (0, -1)]
+    assert kinds == [[False], []]
+
+
+@pytest.mark.long
+def test_loads_are_swept():
+    events = ao.Event(0, [1.0], v=[0.0]), ao.Event(1, [1.0], v=[0.0])
+    loads = [300.0, 700.0, 1100.0, 1500.0, 9000.0]
+    found = ao.sweep(ao.Problem(BEAM, *events), {"w": loads})
+    assert found.action == pytest.approx([action_of_beam(w) for w in loads], rel=1e-7)
+
+
+def test_a_floor_that_moves():
+    """The cubics before and after meet it with its velocity; their accelerations are the same."""
+    floor, rate = lambda t: 0.3 * np.sin(np.pi * t), lambda t: 0.3 * np.pi * np.cos(np.pi * t)
+    system = ao.System(
+        lambda q, v, a, t: a[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0] - floor(t)
+    )
+    found = between(system, ([1.0], [-6.0]), ([1.0], [4.0]), 1.0)
+
+    def apart(t):
+        d, v, h = 1 - floor(t), rate(t), 1 - t
+        return (6 * d / t**2 + (4 * v - 12) / t) - (6 * d / h**2 - (4 * v + 8) / h)
+
+    low, high = 0.3, 0.6
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if apart(low) * apart(middle) > 0 else (low, middle)
+    (arc,) = found.contacts
+    assert arc.point and arc.begin == pytest.approx(low, abs=1e-10)
+    assert found.contact_impulses[0, 0] > 0 and found.compare().agrees
+
+
+def newton(function, x):
+    """Return the root of a function (c,) near x, derivatives by differences."""
+    for _ in range(12):
+        steps = 1e-6 * np.eye(x.size)
+        J = np.array([(function(x + e) - function(x - e)) / 2e-6 for e in steps]).T
+        x = x - np.linalg.solve(J, function(x))
+    return x
+
+
+def clamped_spline(t, q, v0, v1):
+    """Return velocities (k, n) at t (k,), accelerations after these times, jerks and the action."""
+    h, q = np.diff(t), np.array(q, dtype=float)
+    M, right = np.eye(len(t)), np.zeros(q.shape)
+    right[0], right[-1] = v0, v1
+    for i in range(1, len(t) - 1):
+        M[i, i - 1 : i + 2] = 1 / h[i - 1], 2 / h[i - 1] + 2 / h[i], 1 / h[i]
+        right[i] = 3 * ((q[i] - q[i - 1]) / h[i - 1] ** 2 + (q[i + 1] - q[i]) / h[i] ** 2)
+    v, h, d = np.linalg.solve(M, right), h[:, None], np.diff(q, axis=0)
+    a = (6 * d / h - 4 * v[:-1] - 2 * v[1:]) / h
+    j = (6 * (v[:-1] + v[1:]) - 12 * d / h) / h**2
+    return v, a, j, float(np.sum(a * a * h + a * j * h**2 + j * j * h**3 / 3) / 2)
+
+
+def test_a_spline_touches_a_disc_twice():
+    """Splines through two points of it: along it in both, the jerk jumps along its normal."""
+    ends = ([-2.0, -0.1], [1.0, 0.0]), ([2.0, 0.4], [1.2, 0.2])
+    found = between(DISC, *ends, 3.0)
+
+    def through(x):
+        n, along = (np.stack(f, 1) for f in _frame(x[:2]))
+        knots = [ends[0][0], *n, ends[1][0]]
+        return n, along, clamped_spline([0, *x[2:], 3], knots, ends[0][1], ends[1][1])
+
+    def missed(x):
+        n, along, (v, _, j, _) = through(x)
+        return np.r_[np.sum(n * v[1:-1], 1), np.sum(np.diff(j, axis=0) * along, 1)]
+
+    x = newton(missed, np.array([1.78, 1.58, 1.47, 1.61]))
+    n, _, (_, _, j, action) = through(x)
+    assert [arc.begin for arc in found.contacts] == pytest.approx(x[2:], abs=1e-9)
+    assert found.action == pytest.approx(action, rel=1e-11)
+    assert found.contact_impulses[:, 0] == pytest.approx(
+        np.sum(np.diff(j, axis=0) * n, 1) / 2, rel=1e-7
+    )
+    assert found.morse_index == 0 and found.compare().agrees
+
+
+def _frame(phi):
+    """Return the normal and the direction along a unit circle."""
+    return (np.cos(phi), np.sin(phi)), (-np.sin(phi), np.cos(phi))
+
+
+@pytest.mark.long
+def test_a_spline_runs_along_a_disc():
+    """On it theta'''' = 6 theta'^2 theta'', by symmetry up to the middle, where theta'' = 0."""
+    q0, v0 = np.array([-1.2, -1.0]), np.array([0.0, 2.0])
+    found = between(DISC, (q0, v0), ([1.2, -1.0], [0.0, -2.0]), 2.0, tol=1e-9)
+
+    def law(y):
+        _, w, a, j, _ = y
+        return np.array([w, a, j, 6 * w**2 * a, (a**2 + w**4) / 2])
+
+    def to_middle(x):
+        phi, w, h = x
+        n, along = map(np.array, _frame(phi))
+        a = (6 * (n - q0) / h - 4 * v0 - 2 * w * along) / h
+        j = (6 * (v0 + w * along) - 12 * (n - q0) / h) / h**2
+        y = np.array([phi, w, (a + j * h) @ along, w**3 + j @ along, 0.0])
+        action, dt = (a @ a * h + a @ j * h**2 + j @ j * h**3 / 3) / 2, (1 - h) / 100
+        for _ in range(100):  # Runge and Kutta's method
+            k = [law(y)]
+            for part in (0.5, 0.5, 1.0):
+                k.append(law(y + part * dt * k[-1]))
+            y = y + dt / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
+        return np.array([(a + j * h) @ n + w**2, y[0] + np.pi / 2, y[2]]), 2 * (action + y[4])
+
+    x = newton(lambda x: to_middle(x)[0], np.array([-1.69, 1.82, 0.935]))
+    (arc,) = found.contacts
+    assert (arc.begin, arc.end) == pytest.approx((x[2], 2 - x[2]), abs=1e-8)
+    assert found.action == pytest.approx(to_middle(x)[1], rel=1e-9)
+    t = np.linspace(0, 2, 401)
+    assert DISC.obstacle(found(t), t).min() > -1e-9
+    assert found.contact_force(np.linspace(arc.begin, arc.end, 9)).min() > 1
+    assert found.contact_impulses.min() > 6 and found.morse_index == 0
+    assert found.compare().agrees
+    H = found.energy(np.linspace(0, 2, 9))
+    assert pytest.approx(H[0], rel=1e-7) == H
+
+
+def test_a_given_area_presses_a_spline_on_the_floor():
+    """The multiplier of the area is a load: that which leaves l = 3 / 8 free on either side."""
+    system = ao.System(
+        lambda q, v, a, t: a[0] ** 2 / 2,
+        ["x"],
+        obstacle=lambda q, t: q[0],
+        integral=lambda q, v, t: q[0],
+    )
+    found = between(system, ([1.0], [0.0]), ([1.0], [0.0]), 1.0, integral=0.3)
+    load = 72 / 0.375**4
+    assert found.integral_multipliers[0] == pytest.approx(load, rel=1e-9)
+    (arc,) = found.contacts
+    assert (arc.begin, arc.end) == pytest.approx((0.375, 0.625), abs=1e-9)
+    assert found.contact_force(0.5) == pytest.approx(load, rel=1e-7)
+    assert found.action == pytest.approx(2 * load**2 * 0.375**5 * (8 / 1080 - 1 / 180), rel=1e-9)
+
+
+def test_a_path_through_an_event_touches_before_it():
+    events = ao.Event(0, [1.0], v=[-5.0]), ao.Event(2, [1.0], v=[2.0])
+    found = ao.solve(ao.Problem(SPLINE, *events, through=[ao.Event(1.2, [0.5])]), tol=1e-10)
+    (arc,) = found.contacts
+
+    def missed(t):
+        v, *_ = clamped_spline([0, *t, 1.2, 2], [[1.0], [0.0], [0.5], [1.0]], -5.0, 2.0)
+        return v[1]
+
+    t = newton(missed, np.array([0.5]))
+    _, _, j, action = clamped_spline([0, *t, 1.2, 2], [[1.0], [0.0], [0.5], [1.0]], -5.0, 2.0)
+    assert arc.begin == pytest.approx(t[0], abs=1e-10)
+    assert found.action == pytest.approx(action, rel=1e-10)
+    assert found.contact_impulses[0, 0] == pytest.approx(j[1, 0] - j[0, 0], rel=1e-9)
+    assert found.impulses[0, 0] == pytest.approx(j[1, 0] - j[2, 0], rel=1e-9)
+    assert [part.contacts for part in found.parts] == [found.contacts, ()]
+
+
+def test_a_spline_touches_a_ceiling_and_a_floor():
+    box = ao.System(
+        lambda q, v, a, t: a[0] ** 2 / 2, ["x"], obstacle=lambda q, t: [q[0], 1.2 - q[0]]
+    )
+    found = between(box, ([1.0], [3.0]), ([0.1], [2.0]), 1.0)
+    t = np.linspace(0, 1, 1001)
+    assert [arc.row for arc in found.contacts] == [1, 0]
+    assert box.obstacle(found(t), t).min() > -1e-10 and found.contact_impulses[:, 0].min() > 0
+
+    def missed(times):
+        v, *_ = clamped_spline([0, *times, 1], [[1.0], [1.2], [0.0], [0.1]], 3.0, 2.0)
+        return v[1:-1, 0]
+
+    times = newton(missed, np.array([0.2, 0.9]))
+    assert [arc.begin for arc in found.contacts] == pytest.approx(times, abs=1e-9)
+
+
+def test_a_beam_whose_end_is_free_lies_to_its_end():
+    ends = ao.Event(0, [1.0], v=[0.0]), ao.Event(1, [None])
+    found = ao.solve(ao.Problem(BEAM, *ends), tol=1e-10)
+    (arc,) = found.contacts
+    assert (arc.begin, arc.end) == pytest.approx((free_length(2000.0), 1.0), abs=1e-10)
+    assert found.action == pytest.approx(action_of_beam(2000.0) / 2, rel=1e-10)
+
+
+def test_derivatives_of_the_equations_of_contact():
+    """By all unknowns and the times of contact, against differences, at no path."""
+    rough = ao.System(
+        lambda q, v, a, t: a @ a / 2 + (1 + t) * q[0] * v[1] / 3 + q[0] ** 2 * q[1],
+        ["x", "y"],
+        obstacle=lambda q, t: [q @ q - 1 + t / 10, q[0] + 2 * q[1] ** 2 + 3 * t * q[1]],
+    )
+    ends = ao.Event(0, [-2, 1.3], v=[1, 0]), ao.Event(2, [2, 1.3])
+    held = Held(ao.Problem(rough, *ends), (Arc(0, 0.5, 1.1), Arc(1, 1.5, 1.5)))
+    mesh = Mesh.over(0, 2, np.array([0, 0.5, 0.8, 1.1, 1.5, 2]), 6)
+    tr = Transcription(held, mesh, np.array([2.0, 1.5]))
+    z, h = np.random.default_rng(1).normal(size=tr.layout.size), 1e-6
+    times, steps = held.contact_times, h * np.eye(z.size)
+    by_z = [(tr.residual(z + e) - tr.residual(z - e)) / (2 * h) for e in steps]
+    np.testing.assert_allclose(full(tr.layout, tr.kkt(z)), np.array(by_z).T, rtol=1e-6, atol=1e-4)
+    columns, rows, corner = contact_edges(tr, z, times)
+    values = lambda tr, z: np.array([s.value for s in slips(DiscretePath(tr, z))])  # noqa: E731
+    by_z = [(values(tr, z + e) - values(tr, z - e)) / (2 * h) for e in steps]
+    np.testing.assert_allclose(rows, np.array(by_z).T, atol=1e-7)
+    for j, move in enumerate(h * np.eye(times.size)):
+        a, b = (with_contact_times(tr, times, sign * move) for sign in (1, -1))
+        change = (a.residual(z) - b.residual(z)) / (2 * h)
+        np.testing.assert_allclose(columns[:, j], change, rtol=1e-6, atol=1e-4)
+        np.testing.assert_allclose(corner[:, j], (values(a, z) - values(b, z)) / (2 * h), atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("ask", "says"),
+    [
+        (
+            lambda: ao.System(lambda q, v, a, j, t: j @ j, ["x"], obstacle=lambda q, t: q[0]),
+            "derivatives above accelerations",
+        ),
+        (
+            lambda: ao.System(
+                lambda q, v, a, t: a @ a,
+                ["x", "y"],
+                obstacle=lambda q, t: q[0],
+                constraint=lambda q, t: q[1],
+            ),
+            "an obstacle alone",
+        ),
+        (
+            lambda: ao.Problem(SPLINE, ao.Event(0, [1]), ao.Event(None, [1]), energy=1),
+            "times and places of events where an obstacle",
+        ),
+        (
+            lambda: ao.Problem(SPLINE, ao.Event(0, [None]), ao.Periodic(1)),
+            "times and places of events where an obstacle",
+        ),
+        (
+            lambda: ao.Problem(
+                SPLINE, ao.Event(0, [1]), ao.Event(2, [1]), through=[ao.Event(1, [0])]
+            ),
+            "the velocity at event 0 of through",
+        ),
+        (
+            lambda: ao.Problem(SPLINE, ao.Event(0, [0], v=[-1]), ao.Event(1, [1])),
+            "does not lead into the obstacle",
+        ),
+    ],
+)
+def test_what_is_refused_is_said(ask, says):
+    with pytest.raises(ValueError, match=says):
+        ask()
