@@ -408,3 +408,31 @@ def test_derivatives_of_the_equations_of_contact():
 def test_what_is_refused_is_said(ask, says):
     with pytest.raises(ValueError, match=says):
         ask()
+
+
+@pytest.mark.parametrize(
+    ("load", "floor", "start", "end", "kinds"),
+    [
+        # Its end is pulled off, and touches once more: the floor bends there the other way.
+        (0.0, (0.1853, 2.0, 1.5423), (0.466, -3.0912), (0.2375, 5.1691), [False, True]),
+        # The arc is so short that the first mesh sees a moment.
+        (1257.8, (0.2306, 4.0, 5.0831), (0.7907, 4.8505), (0.4511, -2.1197), [False]),
+    ],
+)
+def test_contacts_are_revised(load, floor, start, end, kinds):
+    """Between arcs and moments, until the floor presses everywhere: nu = y'''' + load on an arc."""
+    A, w, phase = floor
+    system = ao.System(
+        lambda q, v, a, t: a[0] ** 2 / 2 + load * q[0],
+        ["x"],
+        obstacle=lambda q, t: q[0] - A * np.sin(w * t + phase),
+    )
+    found = between(system, *[([q], [v]) for q, v in (start, end)], 1.0)
+    assert [arc.point for arc in found.contacts] == kinds
+    t = np.linspace(0, 1, 2001)
+    assert system.obstacle(found(t), t).min() > -1e-9 and found.contact_impulses.min() >= 0
+    arc = found.contacts[0]
+    t = np.linspace(arc.begin, arc.end, 9)
+    nu = A * w**4 * np.sin(w * t + phase) + load
+    assert nu.min() > 0 and found.contact_force(t)[0] == pytest.approx(nu, rel=1e-4, abs=1e-3)
+    assert found.morse_index == 0 and found.compare().agrees

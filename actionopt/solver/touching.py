@@ -54,7 +54,15 @@ NOT_TOUCHED = (
 
 @dataclass(eq=False)
 class Touching(Along):
-    """The workspace of such a search."""
+    """The workspace of such a search.
+
+    Attributes
+    ----------
+    cut : bool
+        Whether parts that would have to pull were let go: they are not held again for being near.
+    """
+
+    cut: bool = False
 
     def why(self) -> str:
         """Return why a path may not be found by Newton's method."""
@@ -101,18 +109,22 @@ class Touching(Along):
         inside = depth > max(INSIDE * known, allowed)
         pressing = pressing_parts(here)
         arcs = list(pressing)
+        self.cut = self.cut or pressing != held.arcs
         for i in range(held.system.m):
-            for k, l in runs(inside[i]):
+            deep = [
+                (k, l, float(t[k + np.argmax(depth[i, k : l + 1])])) for k, l in runs(inside[i])
+            ]
+            arcs, deep = _part_moments(arcs, i, t, deep)
+            for k, l, deepest in deep:
                 begin, end = t[max(k - 1, 0)], t[min(l + 1, t.size - 1)]
                 near = [x for x in arcs if x.row == i and begin <= x.end and x.begin <= end]
                 if not near:
-                    deepest = float(t[k + int(np.argmax(depth[i, k : l + 1]))])
                     arcs.append(Arc(i, deepest, deepest))
                     continue
                 arcs = [x for x in arcs if x not in near]
                 first, last = min(t[k], *(x.begin for x in near)), max(t[l], *(x.end for x in near))
                 arcs.append(Arc(i, float(first), float(last)))
-        if pressing == held.arcs and not inside.any():
+        if not (self.cut or inside.any()):
             arcs = self._lying(t, np.abs(depth) <= allowed, arcs)
         found = tuple(sorted(arcs, key=lambda arc: (arc.begin, arc.row)))
         return None if found == held.arcs else found
@@ -128,6 +140,24 @@ class Touching(Along):
                     arc = Arc(arc.row, found.pop().begin, arc.end)
             found.append(arc)
         return found
+
+
+def _part_moments(
+    arcs: list[Arc], row: int, t: Array, deep: list[tuple[int, int, float]]
+) -> tuple[list[Arc], list[tuple[int, int, float]]]:
+    """Return parts with two moments in place of one on both sides of which a path is inside.
+
+    And the runs of times at which it is inside that are left, (first, last, deepest) each. Between
+    two moments the path shows whether, and where, an arc begins and ends.
+    """
+    for arc in [x for x in arcs if x.row == row and x.point]:
+        last = [x for x in deep if t[x[0]] < arc.begin <= t[min(x[1] + 1, t.size - 1)]]
+        next_ = [x for x in deep if t[max(x[0] - 1, 0)] <= arc.begin < t[x[1]]]
+        if last and next_ and last[0] != next_[0]:
+            both = last[0], next_[0]
+            arcs = [x for x in arcs if x is not arc] + [Arc(row, x[2], x[2]) for x in both]
+            deep = [x for x in deep if x not in both]
+    return arcs, deep
 
 
 def depths(at: DiscretePath, sizes: Array) -> tuple[Array, Array]:
@@ -168,7 +198,9 @@ def pressing_parts(here: DiscretePath) -> tuple[Arc, ...]:
                 middle = float(np.clip(middle, arc.begin, arc.end))
                 found.append(Arc(arc.row, middle, middle))
         elif pulled.any():
-            ends = [x for x, k in ((arc.begin, first), (arc.end, last)) if push[k] > PULLING * unit]
+            # An end that presses is one of what presses beside it, or a moment.
+            ends = ((arc.begin, first, pulled[0]), (arc.end, last, pulled[-1]))
+            ends = [x for x, k, alone in ends if alone and push[k] > PULLING * unit]
             found += [Arc(arc.row, x, x) for x in ends]
             for k, l in runs(nu > least):
                 if times[k] < times[l]:
