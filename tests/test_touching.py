@@ -217,6 +217,7 @@ def clamped_spline(t, q, v0, v1):
     return v, a, j, float(np.sum(a * a * h + a * j * h**2 + j * j * h**3 / 3) / 2)
 
 
+@pytest.mark.long
 def test_a_spline_touches_a_disc_twice():
     """Splines through two points of it: along it in both, the jerk jumps along its normal."""
     ends = ([-2.0, -0.1], [1.0, 0.0]), ([2.0, 0.4], [1.2, 0.2])
@@ -410,6 +411,7 @@ def test_what_is_refused_is_said(ask, says):
         ask()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("load", "floor", "start", "end", "kinds"),
     [

@@ -38,13 +38,13 @@ from actionopt.solver.first_contacts import WEAK, check_once, lines, rows_along,
 from actionopt.solver.ipopt import minimize
 from actionopt.solver.iterate import UnfixedPath
 from actionopt.solver.least_along import SOUGHT, refine_contact
-from actionopt.solver.obstacle import INSIDE, KINKED, PULLING, Along
+from actionopt.solver.obstacle import FAMILY, INSIDE, KINKED, PULLING, Along
 from actionopt.tools.types import Array
 
 TOUCHED_DEGREE = 5  # of the elements on which contact is sought first; ad hoc
 # Nodes between two that press, and what f is there in units of the rows: it is contact, too.
 # What of all presses between the ends of an arc. Ad hoc.
-FEW, CLOSE, INNER = 2, 1e-4, 1e-2
+FEW, CLOSE, INNER = 4, 1e-3, 1e-2
 TWO_PATHS = 1e-3  # in the coordinates' lengths: first paths that differ by more are two; ad hoc
 NOT_TOUCHED = (
     "no path was found that touches the obstacle as a first one on a coarse mesh does: give a "
@@ -67,7 +67,9 @@ class Touching(Along):
     def why(self) -> str:
         """Return why a path may not be found by Newton's method."""
         smooth = is_smooth(self.contact_problem.system.operations(self.question.system.outside))
-        return NOT_TOUCHED if smooth else KINKED
+        if not smooth:
+            return KINKED
+        return f"{NOT_TOUCHED}; {FAMILY}" if self.question.system.n > 1 else NOT_TOUCHED
 
     def answer(self) -> tuple[Problem, DiscretePath]:
         """Return what was asked, and the path at hand, with its derivatives as they are."""
