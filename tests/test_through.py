@@ -16,6 +16,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import over
 from actionopt.discrete.factors import full
 from actionopt.plot import fan_data, fronts_data, spectrum_data
+from actionopt.solver.through import _joined
 
 FREE = systems.particle("x y")
 OSCILLATOR = systems.oscillator()
@@ -88,6 +89,18 @@ def test_a_free_time_keeps_the_energy():
     assert found.problem.through[0].t == pytest.approx(t, abs=1e-10)
     assert found.energy_jumps == pytest.approx([0], abs=1e-12)
     assert found.morse_index == 1
+
+
+def test_a_passage_half_way_is_left_for_a_least_one():
+    # Half of the time to the event and half of it back is stationary, and the action is largest.
+    g, T, x, before = 3.0, 6.0, 0.1, np.linspace(0.01, 3.0, 100_001)
+    throw = ao.System(lambda q, v, t: v[0] ** 2 / 2 - g * q[0], ["x"])
+    S = sum((x - 1) ** 2 / (2 * h) - g * h * (1 + x) / 2 - (g * h) ** 2 * h / 24
+            for h in (before, T - before))  # fmt: skip
+    ends = ao.Event(0, [1.0]), ao.Event(T, [1.0])
+    found = ao.solve(ao.Problem(throw, *ends, through=[ao.Event(None, [x])]), principle="least")
+    assert found.status is ao.Status.SOLVED and found.morse_index == 0
+    assert found.action == pytest.approx(S.min(), abs=1e-6)
 
 
 @pytest.mark.slow
@@ -543,6 +556,35 @@ def test_a_waypoint_off_the_constraints_is_refused():
     ends = ao.Event(0, [1, 0]), ao.Event(1, [0, 1])
     with pytest.raises(ValueError, match="expected event 0 of through on the constraint"):
         ao.Problem(rod, *ends, through=[ao.Event(None, [0.5, 0.5])])
+
+
+@pytest.mark.long
+def test_a_wall_of_several_curves_is_said_to_be_one_function():
+    right, left = (
+        ao.Bounce(lambda q, t, x=x: 1 - (q[0] - x) ** 2 - q[1] ** 2) for x in (1.0, -1.0)
+    )
+    ends = ao.Event(0, [0.3, -0.2]), ao.Event(1, [-0.9, 0.5])
+    guess = np.array([[0.3, 1.6, -1.8, -0.9], [-0.2, 0.8, -0.6, 0.5]])
+    with pytest.raises(
+        ao.SolveError, match=r"event 2 is sought behind .* event 1, .* one function"
+    ):
+        ao.solve(ao.Problem(FREE, *ends, through=[right, left]), guess=guess)
+    whole = ao.Bounce(lambda q, t: 1 - q[1] ** 2 - ((abs(q[0] - 1) + abs(q[0] + 1)) / 2 - 1) ** 2)
+    stadium = ao.Problem(FREE, *ends, through=[whole] * 2)
+    assert ao.solve(stadium, guess=guess).status is ao.Status.SOLVED
+
+
+def test_answers_are_joined_until_no_further_one_comes():
+    answers = [np.zeros((4, 2)), np.ones((4, 2))]
+    drawn = []
+    for q in _joined(answers, 20, np.random.default_rng(0)):
+        drawn.append(q)
+        if len(drawn) == 3:
+            answers.append(2 * np.ones((4, 2)))
+    assert any((q[0] == 2).all() or (q[-1] == 2).all() for q in drawn)
+    assert all((np.diff(q, axis=0) != 0).any(axis=1).sum() == 1 for q in drawn)  # one change
+    assert len({q.tobytes() for q in drawn}) == len(drawn) <= 12
+    assert list(_joined(answers[:1], 20, np.random.default_rng(0))) == []
 
 
 def test_what_does_not_belong_at_an_end_is_refused():

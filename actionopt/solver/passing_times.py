@@ -53,16 +53,40 @@ def lower(problem: Problem, path: Path, times: Array) -> tuple[Path, Array] | No
         y, action = now
         residual = equations.residual(y)
         try:
-            step = -Factors(equations.layout, equations.kkt(y)).solve(residual)[own]
+            factors = Factors(equations.layout, equations.kkt(y))
+            step = -factors.solve(residual)[own]
+            size = float(np.abs(step).max())
+            if size < NEAR_DURATION:
+                down = _downwards(factors, own, y.size)
+                if down is None:
+                    return equations.discrete(y).path, border.times(y[own])
+                step, size = down, 1.0
         except np.linalg.LinAlgError:
             return None
-        slope, size = float(residual[own] @ step), float(np.abs(step).max())
-        if size < NEAR_DURATION and slope < 0:
-            return equations.discrete(y).path, border.times(y[own])
-        step *= -np.sign(slope) * min(1.0, 1 / size)  # no duration grows by more than e
+        if residual[own] @ step > 0:
+            step = -step
+        step *= min(1.0, 1 / size)  # no duration grows by more than e
         for _ in range(HALVINGS):
             now = over_times(np.r_[y[: own.start], y[own] + step])
             if now is not None and now[1] < action:
                 break
             step, now = step / 2, None
     return None
+
+
+def _downwards(factors: Factors, own: slice, size: int) -> Array | None:
+    """Return how times change where the action bends down most, largest change 1; None if nowhere.
+
+    The second derivative of the action by the times `own` alone is the inverse of their part of the
+    inverse of the matrix (the Schur complement). Events that divide a symmetric path evenly are
+    stationary, and often a maximum.
+    """
+    unit = np.eye(size)[own]
+    inverse = np.array([factors.solve(row)[own] for row in unit])
+    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2)
+    # The negative value of the inverse that is nearest to zero is the matrix's most negative one.
+    down = np.flatnonzero(values < 0)
+    if not down.size:
+        return None
+    step = vectors[:, down[-1]]
+    return step / np.abs(step).max()

@@ -9,7 +9,7 @@ reflected from.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
@@ -105,7 +105,31 @@ def solve_through(
             "expected surfaces on which points are found near the events, found none; give a "
             "guess, waypoints of shape (n, k + 2): places at all events"
         )
+    if not _is_stationary(best):
+        hint = _wall_behind_another(problem) or hint
     return best, hint
+
+
+def _wall_behind_another(problem: Problem) -> str:
+    """Return the sentence that an event lies behind what a path next to it bounces off, or none."""
+    base = _points(problem)
+    size = _sizes(problem, base)
+    first = _begin(problem, base, size, np.ones(len(base) - 1))
+    if first is None:
+        return ""
+    path, times = first
+    q, packed = path(times).T, problem.found_at(times).packed
+    for wall, leg, sign in sides(problem):
+        on, by_q, _ = problem.joints_found[wall].on.along(q, times, packed)
+        behind = on[:, 0] < -NEXT_TO_EVENT * np.linalg.norm(by_q[:, 0] * size, axis=1)
+        for k in (leg, leg + 1):
+            if sign and behind[k]:
+                return (
+                    f"event {k} is sought behind the surface of the bounce at event {wall}, where "
+                    "the path would have to cross that; of a wall made of several curves `on` is "
+                    "one function, positive between all of them"
+                )
+    return ""
 
 
 def _is_stationary(solution: Solution) -> bool:
@@ -136,11 +160,12 @@ def attempts(
     twice: Newton's method is lost in a family.
     """
     seen: list[tuple[Array, Array]] = []
+    answers: list[Array] = []  # the places of their events
     known = False
 
     def tries() -> Iterator[tuple[Path, Array, bool]]:
         left = FAMILY_TRIES if problem.advance is not None else 0
-        for first in starts(problem, guess, count, seed):
+        for first in starts(problem, guess, count, seed, answers):
             yield *first, False
             if left and not known:
                 left -= 1
@@ -177,6 +202,8 @@ def attempts(
             )
             solution = replace(solution, status=Status.DEGENERATE)
         known = known or _is_stationary(solution)
+        if solution.success:
+            answers.append(solution(times_of(solution.problem)).T)
         yield solution, why or run.hint
         if status is Status.OUT_OF_TIME:
             return
@@ -264,11 +291,16 @@ def _inside(leg: Path, ends_there: bool) -> Array:
 
 
 def starts(
-    problem: Problem, guess: Guess | None, count: int | None = None, seed: int = 0
+    problem: Problem,
+    guess: Guess | None,
+    count: int | None = None,
+    seed: int = 0,
+    answers: Sequence[Array] = (),
 ) -> Iterator[tuple[Path, Array]]:
     """Yield first paths and the times of the events on them.
 
-    `count` of each kind to find all answers, or a few of them to find one.
+    `count` of each kind to find all answers, or a few of them to find one. `answers` are the places
+    (k + 2, n) at the events of those that came of the paths before.
     """
     if guess is not None:
         path, times = read_guess(problem, guess)
@@ -291,20 +323,24 @@ def starts(
     least = None if straight is None else lower(problem, *straight)
     if least is not None:
         yield least
-    for found in _first_legs(problem, base, size, count, random):
+    for found in _first_legs(problem, base, size, count, random, answers):
         if found is not None:
             yield relax_legs(problem, *found), found[1]
 
 
 def _first_legs(
-    problem: Problem, base: Array, size: Array, count: int | None, random: np.random.Generator
+    problem: Problem,
+    base: Array,
+    size: Array,
+    count: int | None,
+    random: np.random.Generator,
+    answers: Sequence[Array],
 ) -> Iterator[tuple[Path, Array] | None]:
     """Yield first paths near points `base` (k + 2, n), and the times of the events on them.
 
-    A few straight ones; motions; ways that begin as one of these and end as another; straight ones
+    A few straight ones; motions; ways that begin as one answer and end as another; straight ones
     again.
     """
-    known: list[Ray] = []
 
     def polygons(first: int, last: int) -> Iterator[tuple[Path, Array] | None]:
         for k in range(first, last):
@@ -320,15 +356,30 @@ def _first_legs(
         span = float(_durations(problem, base).sum())
     rounds = ALL_ROUNDS if count else RAY_ROUNDS
     for ray in islice(rays(problem, size, span, random, rounds), count or FIRST_POLYGONS):
-        known.append(ray)
         yield along_ray(problem, ray)
-    if count and len(base) > 3 and len(known) > 1:
-        for _ in range(count):
-            one, other = (known[k] for k in random.choice(len(known), 2, replace=False))
-            k = random.integers(1, len(base) - 1)
-            q = np.concatenate([one.places[:k], other.places[k:]])
-            yield _begin(problem, q, size, np.ones(len(base) - 1))
-    yield from polygons(BEFORE_RAYS, FIRST_POLYGONS if known or not count else count)
+    if count and len(base) > 3:
+        yield from (
+            _begin(problem, q, size, np.ones(len(q) - 1)) for q in _joined(answers, count, random)
+        )
+    yield from polygons(BEFORE_RAYS, FIRST_POLYGONS if answers or not count else count)
+
+
+def _joined(answers: Sequence[Array], count: int, random: np.random.Generator) -> Iterator[Array]:
+    """Yield places (k + 2, n) that are those of one answer first, and those of another one then.
+
+    Until `count` pairs that were drawn in a row have led to no further answer: where there are many
+    answers these differ from one another by parts of the way (of the twenty with six bounces in an
+    ellipse, motions led to fourteen).
+    """
+    known, left, drawn = len(answers), count, set()
+    while left and known > 1:
+        one, other = random.choice(known, 2, replace=False).tolist()
+        k, left = int(random.integers(1, len(answers[0]) - 1)), left - 1
+        if (one, other, k) not in drawn:
+            drawn.add((one, other, k))
+            yield np.concatenate([answers[one][:k], answers[other][k:]])
+        if len(answers) > known:
+            known, left = len(answers), count
 
 
 def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
