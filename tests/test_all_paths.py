@@ -11,7 +11,7 @@ from helpers import integrated, slow
 import actionopt as ao
 from actionopt import scenes
 from actionopt.families import searches
-from actionopt.families.all_paths import detected_angles, solve_all
+from actionopt.families.all_paths import Paths, detected_angles, solve_all
 from actionopt.families.searches import Answers
 
 PENDULUM = systems.pendulum(g=9.81)
@@ -272,3 +272,20 @@ def test_paths_of_some_turns_left_out_are_not_said_to_be_all(monkeypatch):
     monkeypatch.setattr(searches, "MOST_CLASSES", 2)
     some = ao.solve_all(problem, angles=["a"])
     assert len(some) == 2 and not some.complete
+
+
+@pytest.mark.long
+def test_how_often_a_closed_path_runs_round_a_shorter_one_is_told():
+    # x'' = -x^3 of amplitude 1 has the period 4 K(1/2) = 7.4163, and others in inverse proportion.
+    T = 2 * 7.416298709205487
+    quartic = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    closed = ao.Problem(quartic, ao.Event(0, [0.0]), ao.Periodic(T))
+    orbits = tuple(
+        ao.solve(closed, guess=lambda t, k=k: [k / 2 * np.sin(2 * np.pi * k * np.asarray(t) / T)])
+        for k in (1, 2)
+    )
+    none = ((),) * 2
+    paths = Paths(orbits, none, ("a guess",) * 2, (), {}, 0, False, False)
+    assert paths.rounds == (1, 2)
+    assert str(paths).count("2 times round a closed path of duration 7.4163") == 1
+    assert np.max(orbits[1](np.linspace(0, T, 200))) == pytest.approx(1.0, abs=1e-3)

@@ -18,7 +18,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.families.centres import guesses
-from actionopt.families.searches import SAME_PATH, Answers
+from actionopt.families.searches import SAME_PATH, SURE, Answers
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import first_state
 from actionopt.mechanics.system import System
@@ -32,6 +32,8 @@ from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_progress, time_limit
 
 SAME_MOTION = 0.05  # of its size, by which a path may differ from one on a window; ad hoc
+# Rounds of a closed path that are told, and places at which it is compared with itself; ad hoc.
+ROUNDS_TOLD, ROUND_SAMPLES = 24, 240
 PERIOD_PROBES = 16  # random points at which periodicity is checked; ad hoc: one would do, as a rule
 
 
@@ -106,6 +108,14 @@ class Paths:
         """Morse indices of the paths. Raises ValueError where the paths are forced."""
         return tuple(s.morse_index for s in self.solutions)
 
+    @property
+    def rounds(self) -> tuple[int, ...]:
+        """How many times each path runs round a shorter closed one; 1 where it does not.
+
+        The least period of a closed path is its duration divided by this number.
+        """
+        return tuple(_rounds(s) for s in self.solutions)
+
     def _repr_html_(self) -> str:
         """Show a row for each path, and how they were sought, as a notebook does."""
         from actionopt.tools.notebook import table
@@ -124,10 +134,15 @@ class Paths:
     def __str__(self) -> str:
         """Say what was found and how it was sought, in sentences."""
         lines = ["1 path" if len(self) == 1 else f"{len(self)} paths"]
-        for s, turns, how in zip(self.solutions, self.windings, self.found_by, strict=True):
+        each = zip(self.solutions, self.windings, self.found_by, self.rounds, strict=True)
+        for s, turns, how, rounds in each:
             what = ""
             with suppress(ValueError):  # forced paths have none
                 what = f"index {s.morse_index}, "
+            if rounds > 1:
+                what += (
+                    f"{rounds} times round a closed path of duration {s.duration / rounds:.6g}, "
+                )
             wound = f"windings {turns}, " if self.angles else ""
             lines.append(f"  S = {s.action:.10g}, {what}{wound}found by {how}")
         for s in self.families:
@@ -308,6 +323,27 @@ def _by_action(run: Answers) -> Paths:
         tuple(sorted((s for s, _ in run.families), key=lambda s: s.action)),
         len(run.kinked),
     )
+
+
+def _rounds(solution: Solution) -> int:
+    """Return how many times a path runs round a shorter closed one, `ROUNDS_TOLD` at most."""
+    problem, advance = solution.problem, solution.problem.advance
+    if advance is None or list(problem.order) != sorted(problem.order):
+        return 1
+    s = np.linspace(0, 1, ROUND_SAMPLES, endpoint=False)
+
+    def beside_advance(part: Array) -> Array:
+        return solution(solution.start.t + part * solution.duration) - advance[:, None] * part
+
+    q = beside_advance(s)
+    near = max(SAME_PATH, SURE * solution.error) * np.abs(solution.path.values).max(axis=1)
+    if (np.ptp(q, axis=1) <= near).all():  # at rest, or in uniform motion: so at any time
+        return 1
+    for k in range(ROUNDS_TOLD, 1, -1):
+        again = beside_advance((s + 1 / k) % 1)
+        if (np.abs(again - q).max(axis=1) <= near).all():
+            return k
+    return 1
 
 
 def detected_angles(problem: Problem) -> tuple[int, ...]:
