@@ -1,6 +1,6 @@
 """Paths with many bounces are found without a guess."""
 
-from itertools import islice, pairwise
+from itertools import islice, pairwise, product
 from types import SimpleNamespace
 
 import numpy as np
@@ -108,3 +108,25 @@ def test_closer_motions_are_sought_about_those_that_cost_least():
     assert best[0] == 11 and found.shape == (200, 2)
     away = np.linalg.norm(found - u[np.resize(best[:BEST_RAYS], 200)], axis=1)
     assert 0 < np.median(away) < search.apart[best].max()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("E", "aside", "bounces"), [(3.0, -0.6, 3), (2.0, 1.0, 2)])
+def test_a_throw_of_given_energy_bounces_for_longer_than_a_straight_way_takes(E, aside, bounces):
+    """Nearly straight up or down: a ball of g = 1 from the height .5 to .5, `aside` of it."""
+    ball = ao.System(lambda q, v, t: v @ v / 2 - q[1], ["x", "y"])
+    floor = ao.Bounce(lambda q, t: q[1])
+    ends = ao.Event(0, [0.0, 0.5]), ao.Event(None, [aside, 0.5])
+    found = ao.solve(ao.Problem(ball, *ends, through=[floor] * bounces, energy=E))
+
+    def duration(u, first, last):
+        up, hit = np.sqrt(2 * E - 1 - u**2), np.sqrt(2 * E - u**2)
+        return hit + first * up + 2 * (bounces - 1) * hit + hit + last * up
+
+    closed = []
+    for first, last in product((1, -1), repeat=2):
+        u = np.sign(aside) * np.linspace(1e-9, 0.999 * np.sqrt(2 * E - 1), 200_001)
+        off = u * duration(u, first, last) - aside
+        closed += duration(u[:-1], first, last)[off[1:] * off[:-1] <= 0].tolist()
+    assert np.abs(np.array(closed) - found.duration).min() < 1e-3
+    assert found.energy(found.duration / 3) == pytest.approx(E, abs=1e-9)

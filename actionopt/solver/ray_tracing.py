@@ -88,6 +88,11 @@ class TracedRays(NamedTuple):
     cost: Array
     tracks: list[tuple[Track, NDInt]]
 
+    @property
+    def through(self) -> Array:
+        """Whether motions meet all events between the ends, (K,)."""
+        return np.isfinite(self.times[:, -2])
+
 
 @dataclass(frozen=True, eq=False)
 class RayTracer:

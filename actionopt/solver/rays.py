@@ -9,6 +9,7 @@ the first directions are left.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,9 @@ BEST_RAYS = 40  # motions about which more leave, and that are brought back to w
 RAY_NEIGHBOURS = 2  # a coordinate, with which a motion is compared
 RAY_APART = 0.3  # of the sizes: places of events that are farther from a neighbour's
 RAY_SPREAD = 0.5  # of the distance of these, of velocities that are nearer
+# Durations that are tried where the energy is given, each so many times the last, as long as more
+# motions meet all events.
+LONGER_SPANS, LONGER = 3, 4.0
 RAY_NEAR = 0.05  # a smaller one, in these sizes, is told at once
 
 
@@ -77,6 +81,15 @@ def rays(
     batch = tracer.follow(tracer.all_round(random))
     if tracer.timed:
         batch = tracer.follow(tracer.in_time(batch))
+    # What straight lines take says little of how long motions take that return to a surface.
+    longer = tracer
+    for _ in range(0 if tracer.timed or problem.energy is None else LONGER_SPANS):
+        longer = replace(longer, span=LONGER * longer.span)
+        other = longer.follow(longer.all_round(random))
+        if np.count_nonzero(other.through) > np.count_nonzero(batch.through):
+            tracer, batch = longer, other
+        elif batch.through.any():
+            break
     found = RaySearch(tracer)
     for k in range(rounds + 1):
         found.add(batch)
