@@ -33,7 +33,7 @@ RAY_APART = 0.3  # of the sizes: places of events that are farther from a neighb
 RAY_SPREAD = 0.5  # of the distance of these, of velocities that are nearer
 # Durations that are tried where the energy is given, each so many times the last, as long as more
 # motions meet all events.
-LONGER_SPANS, LONGER = 3, 4.0
+LONGER_SPANS, SPAN_FACTOR = 3, 4.0
 RAY_NEAR = 0.05  # a smaller one, in these sizes, is told at once
 
 
@@ -84,7 +84,7 @@ def rays(
     # What straight lines take says little of how long motions take that return to a surface.
     longer = tracer
     for _ in range(0 if tracer.timed or problem.energy is None else LONGER_SPANS):
-        longer = replace(longer, span=LONGER * longer.span)
+        longer = replace(longer, span=SPAN_FACTOR * longer.span)
         other = longer.follow(longer.all_round(random))
         if np.count_nonzero(other.through) > np.count_nonzero(batch.through):
             tracer, batch = longer, other
