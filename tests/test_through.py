@@ -16,7 +16,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import over
 from actionopt.discrete.factors import full
 from actionopt.plot import fan_data, fronts_data, spectrum_data
-from actionopt.solver.through import _joined
+from actionopt.solver.through import _join_answers
 
 FREE = systems.particle("x y")
 OSCILLATOR = systems.oscillator()
@@ -577,14 +577,14 @@ def test_a_wall_of_several_curves_is_said_to_be_one_function():
 def test_answers_are_joined_until_no_further_one_comes():
     answers = [np.zeros((4, 2)), np.ones((4, 2))]
     drawn = []
-    for q in _joined(answers, 20, np.random.default_rng(0)):
+    for q in _join_answers(answers, 20, np.random.default_rng(0)):
         drawn.append(q)
         if len(drawn) == 3:
             answers.append(2 * np.ones((4, 2)))
     assert any((q[0] == 2).all() or (q[-1] == 2).all() for q in drawn)
     assert all((np.diff(q, axis=0) != 0).any(axis=1).sum() == 1 for q in drawn)  # one change
     assert len({q.tobytes() for q in drawn}) == len(drawn) <= 12
-    assert list(_joined(answers[:1], 20, np.random.default_rng(0))) == []
+    assert list(_join_answers(answers[:1], 20, np.random.default_rng(0))) == []
 
 
 def test_what_does_not_belong_at_an_end_is_refused():

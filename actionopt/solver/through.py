@@ -359,12 +359,15 @@ def _first_legs(
         yield along_ray(problem, ray)
     if count and len(base) > 3:
         yield from (
-            _begin(problem, q, size, np.ones(len(q) - 1)) for q in _joined(answers, count, random)
+            _begin(problem, q, size, np.ones(len(q) - 1))
+            for q in _join_answers(answers, count, random)
         )
     yield from polygons(BEFORE_RAYS, FIRST_POLYGONS if answers or not count else count)
 
 
-def _joined(answers: Sequence[Array], count: int, random: np.random.Generator) -> Iterator[Array]:
+def _join_answers(
+    answers: Sequence[Array], count: int, random: np.random.Generator
+) -> Iterator[Array]:
     """Yield places (k + 2, n) that are those of one answer first, and those of another one then.
 
     Until `count` pairs that were drawn in a row have led to no further answer: where there are many
