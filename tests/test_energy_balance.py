@@ -180,7 +180,7 @@ def test_across_a_cusp_no_error_is_above_its_estimate(a, height):
         low, high = (energy, high) if since_start(1.07, energy) > 1 else (low, energy)
     points = np.linspace(-0.7, 1.0, 18)
     known = np.array([since_start(x, high) for x in points])
-    for tol in (1e-3, 1e-4, 1e-6):
+    for tol in (1e-2, 1e-3, 1e-4, 1e-6):  # the steepest is solved to the first alone
         path = across(lagrangian, tol, throw=False)
         solved += path.success
         off = np.abs(path(known)[0] - points).max() / 1.07
