@@ -706,6 +706,26 @@ def test_arrows_at_handles_are_slopes_of_the_action(gallery, chromium):
     assert chromium.errors == []
 
 
+def test_on_a_phone_too_the_motion_is_where_no_arrow_is_left(gallery, chromium):
+    """Every second handle is put away there, and those that are left bend all of the path."""
+    chromium.open(gallery / "course" / "local.html", 360, 740, still=True)
+    live = "document.querySelector('.live')"
+    pulled = f"""(j => {{ const g = {live}.querySelector(`[data-handle="${{j}}"]`);
+      g.scrollIntoView({{ block: "center" }});
+      const knob = g.lastChild.getBoundingClientRect(), d = g.querySelector(".pull");
+      const [x, y] = d.getAttribute("d").match(/-?[\\d.]+/g)?.slice(2, 4).map(Number) ?? [0, 0];
+      return [knob.x + knob.width / 2, knob.y + knob.height / 2, x / 2, y / 2]; }})"""
+    shown = f"[...{live}.querySelectorAll('.handle:not(.away)')].map(g => g.dataset.handle)"
+    assert chromium.run(shown) == ["2", "4", "6"]
+    for _ in range(3):
+        for j in (2, 4, 6):
+            x, y, right, down = chromium.run(f"{pulled}({j})")
+            chromium.drag(x, y, x + right, y + down)
+    S = solved("projectile", tol=1e-10).action
+    assert S < float(chromium.run(f"{live}.dataset.action")) < S + 0.1
+    assert chromium.errors == []
+
+
 def test_an_address_brings_back_the_path_and_what_was_typed(gallery, chromium):
     file = gallery / "course" / "minus.html"
     chromium.open(file, still=True)

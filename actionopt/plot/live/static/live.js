@@ -23,7 +23,7 @@
   const { Action, address, compiled, sentences, TRUSTED } = globalThis.actionopt;
   const { NS, element, html, put, filled, written, fixed, to, nice, span, slider, Panel } = globalThis.actionopt.panels;
 
-  // B-splines of degree 3, knots at the handles: the bend of one handle ends two handles away.
+  // B-splines of degree 3, knots at the handles that are kept: the bend of one ends two of them away.
   const spline = (x) => {
     const y = Math.abs(x);
     return y >= 2 ? 0 : y >= 1 ? (2 - y) ** 3 / 6 : 2 / 3 - y * y + y ** 3 / 2;
@@ -409,7 +409,8 @@
     }
 
     // A handle is put away where one that is kept is closer than a finger tells apart, along the
-    // straight line or the motion. The middle of each curve is kept first, then what halves its parts.
+    // straight line or the motion. The middle of each curve is kept first, then what halves its parts;
+    // the fewer are left of a curve, the wider each bends it.
     function thin() {
       const rank = (j) => (j % spans ? spans / 2 / (j & -j) : spans), kept = [];
       const lines = [first, ...(motion.known ? [motion.Q] : [])];
@@ -419,14 +420,16 @@
         if (!it.away) kept.push(it);
         it.group.classList.toggle("away", it.away);
       });
+      const step = (j) => (j % spans ? j & -j : spans / 2);
+      handles.forEach((it) => { it.wide = Math.min(...kept.filter(({ pair }) => pair === it.pair).map(({ j }) => step(j)), spans / 2); });
     }
 
     // How S falls with each handle: an arrow the way that it is to be pulled, of a length as the slope
     // is to the steepest one that was met.
     let steepest = 0;
     function slopesAtHandles() {
-      const g = A.gradient(trial), falls = handles.map(({ pair, j }) => pair.map((i) => (i === null || !free(j, i) ? 0
-        : -A.shares.reduce((sum, s, k) => sum + g[k * n + i] * bump(j, s * spans), 0) / bump(j, j))));
+      const g = A.gradient(trial), falls = handles.map(({ pair, j, wide }) => pair.map((i) => (i === null || !free(j, i) ? 0
+        : -A.shares.reduce((sum, s, k) => sum + g[k * n + i] * bump(j, s * spans, wide), 0) / bump(j, j, wide))));
       if (held === null) steepest = Math.max(steepest, ...falls.map(([a, b]) => Math.hypot(a, b)));
       figure.dataset.slopes = falls.map(([a, b]) => Math.hypot(a, b).toPrecision(4)).join(" ");
       handles.forEach((it, k) => {
@@ -623,17 +626,17 @@
       return b;
     }
 
-    function bent(from, j, to) { // handle j of `from` moved: to = {coordinate: value}
-      const Q = from.slice(), peak = bump(j, j);
+    function bent(from, j, to, wide = 1) { // handle j of `from` moved: to = {coordinate: value}
+      const Q = from.slice(), peak = bump(j, j, wide);
       for (const [i, value] of Object.entries(to)) {
         if (!free(j, Number(i))) continue;
         const by = value - from[knot(j) * n + Number(i)];
-        A.shares.forEach((s, k) => (Q[k * n + Number(i)] += (by * bump(j, s * spans)) / peak));
+        A.shares.forEach((s, k) => (Q[k * n + Number(i)] += (by * bump(j, s * spans, wide)) / peak));
       }
       return A.project(Q) ? Q : null;
     }
-    const bump = (j, u) => // odd about both ends, where the path is held
-      spline(u - j) - (j > 0 ? spline(u + j) : 0) - (j < spans ? spline(u - 2 * spans + j) : 0);
+    const bump = (j, u, wide) => // odd about both ends, where the path is held
+      spline((u - j) / wide) - (j > 0 ? spline((u + j) / wide) : 0) - (j < spans ? spline((u - 2 * spans + j) / wide) : 0);
 
     function stop() {
       if (busy === null) return false;
@@ -858,7 +861,8 @@
       put(group, { tabindex: 0, role: "slider", "data-handle": j });
       element(group, "circle", "reach").setAttribute("r", 22);
       element(group, "circle", "knob").setAttribute("r", 8);
-      const place = () => {
+      const it = { group, pair, j, wide: 1 };
+      it.place = () => {
         const [x, y] = spot(trial, knot(j), pair), named = pair.filter((i) => i !== null);
         group.setAttribute("transform", `translate(${pathPanel.X(x).toFixed(2)},${pathPanel.Y(y).toFixed(2)})`);
         put(group, {
@@ -868,7 +872,7 @@
         });
       };
       const move = (from, x, y) => {
-        const Q = bent(from, j, pair[0] === null ? { [pair[1]]: y } : { [pair[0]]: x, [pair[1]]: y });
+        const Q = bent(from, j, pair[0] === null ? { [pair[1]]: y } : { [pair[0]]: x, [pair[1]]: y }, it.wide);
         if (Q) become(Q);
       };
       const clamp = (x, [a, b]) => Math.min(b, Math.max(a, x));
@@ -896,7 +900,7 @@
         const step = STEP * (view.y[1] - view.y[0]) * (event.shiftKey ? FINE : 1), [x, y] = spot(trial, knot(j), pair);
         move(trial, x + step * way[0], y + step * (pair[0] === null ? way[1] || way[0] : way[1]));
       });
-      return { group, pair, j, place };
+      return it;
     }
 
     const under = (event) => {
