@@ -524,6 +524,13 @@ def test_fingers_tell_handles_apart_on_a_phone(folder, chromium, name, least):
     assert len(knobs(chromium)) >= least and apart(chromium) >= 24
 
 
+def test_the_coordinate_shown_first_is_one_that_a_handle_moves(folder, chromium):
+    opened(chromium, folder, scenes.get("polar_pendulum"))
+    chosen = "[...document.querySelectorAll('.live .panel .chips label')]"
+    chosen += ".filter(x => x.firstChild.checked).map(x => x.textContent)"
+    assert chromium.run(chosen) == ["\u03b8"]  # r is held
+
+
 def test_all_of_it_by_keyboard_and_on_a_phone(folder, chromium):
     opened(chromium, folder, scenes.get("kepler"), 360, 740)
     assert chromium.run("document.documentElement.scrollWidth <= innerWidth")

@@ -4,6 +4,7 @@
   "use strict";
   const STEP = 0.02, FINE = 0.1; // of the picture, for one key; with shift
   const REACH = 1.5, CURVE = 41; // alpha to either side; points of S(alpha)
+  const FREE = 0.1; // of a coordinate's size: by so much it is tried whether it moves
   const STEEP = 8; // how far S(alpha) is shown, in its range from the motion to the path: a parabola needs 1.6
   const ROOM = 0.45; // around a path, to drag into, of its extent
   const SLOW = 0.15, MOST = 400; // of a step downhill; steps
@@ -212,12 +213,13 @@
     // -- curves: pairs (x, y), or one coordinate against time
     const pairs = data.pairs.length ? data.pairs : null;
     const curves = () => pairs ?? [[null, chosen]];
+    const radios = [];
     if (!pairs && n > 1) {
       const set = html(pathPanel.title, "span", { class: "chips", role: "radiogroup", "aria-label": W.coordinate });
       data.coordinates.forEach(({ name }, i) => {
         const label = html(set, "label"), input = html(label, "input", { type: "radio", name: `chosen-${data.name}-${Panel.count}` });
         label.append(name);
-        input.checked = i === 0;
+        radios.push(input);
         input.addEventListener("change", () => { chosen = i; rebuild(); });
       });
     }
@@ -915,6 +917,15 @@
       return there[away.indexOf(Math.min(...away))];
     };
 
+    // First a coordinate that a handle can move: a constraint may leave others none of their own.
+    if (!pairs && n > 1) {
+      const moves = (i) => {
+        const at = knot(spans / 2) * n + i, Q = bent(first, spans / 2, { [i]: first[at] + FREE * data.sizes[i] });
+        return Q && Math.abs(Q[at] - first[at]) > (FREE / 10) * data.sizes[i];
+      };
+      chosen = Math.max(0, data.coordinates.findIndex((_, i) => moves(i)));
+      radios[chosen].checked = true;
+    }
     told(shown);
     rebuild();
     if (shown) trial = motion.Q.slice();
