@@ -717,12 +717,12 @@ def test_on_a_phone_too_the_motion_is_where_no_arrow_is_left(gallery, chromium):
       return [knob.x + knob.width / 2, knob.y + knob.height / 2, x / 2, y / 2]; }})"""
     shown = f"[...{live}.querySelectorAll('.handle:not(.away)')].map(g => g.dataset.handle)"
     assert chromium.run(shown) == ["2", "4", "6"]
-    for _ in range(3):
+    for _ in range(5):
         for j in (2, 4, 6):
             x, y, right, down = chromium.run(f"{pulled}({j})")
             chromium.drag(x, y, x + right, y + down)
-    S = solved("projectile", tol=1e-10).action
-    assert S < float(chromium.run(f"{live}.dataset.action")) < S + 0.1
+    S = solved("projectile", tol=1e-10).action  # 4 below the straight line's
+    assert S < float(chromium.run(f"{live}.dataset.action")) < S + 0.5
     assert chromium.errors == []
 
 
