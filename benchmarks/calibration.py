@@ -54,7 +54,7 @@ class Cell:
 def known(quick: bool) -> dict[str, Callable[[], Known]]:
     """Return all problems by name, each built when called."""
     names = [n for n in scenes.SCENES if scenes.get(n).exact is not None]
-    found = {name: partial(scenes.get, name) for name in names}
+    found: dict[str, Callable[[], Known]] = {name: partial(scenes.get, name) for name in names}
     if quick:
         return dict(list(found.items())[:5])
     for label, name, parameters in (

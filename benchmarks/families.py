@@ -148,12 +148,19 @@ def held(count: int) -> dict:
     """Solve so many pendulums; return the bytes of what is returned."""
     problem, columns = family("pendulum", count // 25)
     found = solve_run(problem, columns, TOL)
-    return {"held": sum(v.base.nbytes for v in _bases(found))}
+    return {"held": sum(v.base.nbytes for v in _bases(found) if v.base is not None)}
 
 
 def _bases(found: Members) -> list[np.ndarray]:
     """Return the arrays that the values of members are parts of, once each."""
     return list({id(v.base): v for v in found.values if v.base is not None}.values())
+
+
+def begin_sweep(runs: Runs) -> sweeping._SweepRun:
+    """Return a sweep of which no task is done."""
+    run = sweeping._SweepRun(runs.grid, runs, None, None, None)  # type: ignore[arg-type]
+    run.begin()
+    return run
 
 
 def members(turns: int) -> list[str]:
@@ -312,9 +319,8 @@ def processes(turns: int) -> list[str]:
                 for _ in pool.map(math.sqrt, range(8 * workers)):  # all are started
                     pass
                 passed, found = swept(pool, size)
-                run = sweeping._SweepRun(found.grid, found, None, None, None)
-                run.begin()
-                last = [list(pool.map(spent, [run._arguments(0)] * workers)) for _ in range(2)][-1]
+                given = begin_sweep(found)._arguments(0)
+                last = [list(pool.map(spent, [given] * workers)) for _ in range(2)][-1]
             seconds[workers] = min(seconds[workers], passed)
             each[workers] = min(each[workers], float(np.mean(last)))
             runs.append(found)
@@ -350,8 +356,7 @@ def dask(turns: int) -> list[str]:
         for future in as_completed(waiting):
             future.result()
         empty = (perf_counter() - started) / EMPTY
-    run, tasks = sweeping._SweepRun(runs.grid, runs, None, None, None), runs.stats["tasks"]
-    run.begin()
+    run, tasks = begin_sweep(runs), runs.stats["tasks"]
     given = run._arguments(0)
     there = len(pickle.dumps(given))
     back = len(pickle.dumps(work(*given)))

@@ -53,9 +53,9 @@ def bare(case: Case, mesh: Mesh, iterates: int) -> list[float]:
     given = [np.ones(function.nnz_in(i)) for i in range(4)]
     found = [np.empty(function.nnz_out(i)) for i in range(3)]
     for i, numbers in enumerate(given):
-        buffer.set_arg(i, memoryview(numbers))
+        buffer.set_arg(i, memoryview(numbers))  # type: ignore[call-arg]
     for i, numbers in enumerate(found):
-        buffer.set_res(i, memoryview(numbers))
+        buffer.set_res(i, memoryview(numbers))  # type: ignore[call-arg]
     clock.append(process_time())
     for _ in range(iterates):
         evaluate()
@@ -106,7 +106,8 @@ def measured(case: Case, error: float, rounds: int) -> tuple[list[float], list[f
         parts.append(bare(case, solution.mesh, iterates))
         whole.append([np.inf if x is None else seconds(x) for x in solves])
     shown = f"{sum(d + 1 for d in solution.mesh.degrees)} x {iterates}"
-    return *([median(x) for x in zip(*rows, strict=True)] for rows in (parts, whole)), shown
+    own, others = ([median(x) for x in zip(*rows, strict=True)] for rows in (parts, whole))
+    return own, others, shown
 
 
 def page(error: float, rounds: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 
@@ -24,7 +25,9 @@ def _asked(system: ao.System, case: Case, ends: Ends) -> ao.Problem:
     return ao.Problem(system, start, end, energy=case.energy)
 
 
-def _solve(system: ao.System, case: Case, ends: Ends, tol: float, guess, method: str) -> Answer:
+def _solve(
+    system: ao.System, case: Case, ends: Ends, tol: float, guess, method: Literal["auto", "ipopt"]
+) -> Answer:
     try:
         solution = ao.solve(_asked(system, case, ends), tol=tol, guess=guess, method=method)
     except ao.SolveError as error:

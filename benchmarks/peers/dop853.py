@@ -70,6 +70,7 @@ def of_energy(case: Case, ends: Ends, v: np.ndarray, T: float, tol: float) -> An
         size, miss, slope, last = end_and_slope(meant, ends, u[:n], np.eye(n), tol)
         if miss is None:
             return np.inf, None, None
+        assert last is not None
         off = u[:n] @ u[:n] / 2 + rest - case.energy
         slopes = np.block([[slope, last[:, None]], [u[None, :n], np.zeros((1, 1))]])
         return max(size, abs(off / case.energy)), np.append(miss, off), slopes

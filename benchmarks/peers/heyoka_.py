@@ -6,6 +6,8 @@ As its documentation has it: `var_ode_sys` adds the derivatives in the first vel
 
 from __future__ import annotations
 
+from typing import Any
+
 import heyoka as hy
 import numpy as np
 
@@ -56,7 +58,7 @@ def _shoot(ta, case: Case, ends: Ends, v, tol: float) -> Answer:
         return size, miss, None if slope is None else slope @ Z
 
     v = meeting(fly, v, Z, tol, ROUNDOFF)
-    curve = _fly(ta, case, ends, v, output=True)[3]
+    curve: Any = _fly(ta, case, ends, v, output=True)[3]
     return Answer(lambda t: curve(t)[:, : case.n].T, (ta, v))
 
 

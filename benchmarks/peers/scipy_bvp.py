@@ -153,7 +153,7 @@ def again(answer: Answer, case: Case, ends: Ends, tol: float) -> Answer:
     if case.asks == "infinity":
         return of_kink(case, ends, mesh, -last(mesh), tol, keep=mesh)
     if case.energy is not None:
-        return of_energy(case, ends, mesh, last(mesh), *T, tol, keep=mesh)
+        return of_energy(case, ends, mesh, last(mesh), T[0], tol, keep=mesh)
     return solve(case, ends, mesh, last(mesh), tol, keep=mesh)
 
 

@@ -115,7 +115,7 @@ class Case:
         points[:, 0], points[:, -1] = ends.start, ends.end
         return times, points
 
-    def rhs(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def rhs(self, t: np.ndarray | float, y: np.ndarray) -> np.ndarray:
         """Return d(q, v)/dt for y = (q, v) of shape (2 n, K) or (2 n,)."""
         q, v = y[: self.n], y[self.n :]
         return np.concatenate([v, self.acceleration(q, v, t, NUMPY)])
