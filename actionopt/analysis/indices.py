@@ -27,7 +27,7 @@ def indices(shape: StackShape, times: Array, packed: Array, Q: Array, error: flo
 
 
 def _count(stack: Stack, Q: Array, error: float) -> Array:
-    """Return the indices of paths Q (P, n, E, C), (C,), or -1."""
+    """Return the indices (C,) of paths Q (P, n, E, C), -1 where the mesh leaves them open."""
     shape = stack.shape
     second, C = stack.second(Q), len(stack.times)
     tolerance = np.full(C, np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST))

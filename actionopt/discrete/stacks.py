@@ -329,7 +329,7 @@ class Stack:
         return found
 
     def missed_action(self, Q: Array, samples: list[Samples]) -> Array:
-        """Return by how much another quadrature changes S, (C,): `second_quadrature` has it."""
+        """Return by how much another quadrature changes S, (C,), as in `second_quadrature`."""
         s, structure = self.shape, self.shape.system.structure
         if not (structure.adds_time and structure.samples):
             return np.zeros(len(self.times))

@@ -387,7 +387,7 @@ class Answers:
                 yield self._start(c, path, "deflation")
 
     def _folds(self, most: int) -> Iterator[Start]:
-        """Yield where each path leads as the end time moves; behind a fold waits another one."""
+        """Yield the path beyond a fold that tracing each path in the end time meets."""
         t0, T = self.problem.start.t, self.problem.duration
         followed: set[tuple[int, float]] = set()
         for done, (solution, turns, _) in enumerate(self.found):  # grows on the way

@@ -105,7 +105,7 @@ def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple
 
 
 def _has_inertia(at: DiscretePath) -> bool:
-    """Return whether all masses are at least zero along a path; constant ones are not looked at."""
+    """Return whether all masses are at least zero along a path; constant ones are taken to be."""
     system = at.problem.system
     if system.structure.constant_mass:
         return True
@@ -130,7 +130,7 @@ def near(problem: Problem, directions: Array | None = None) -> list[Array]:
 
 
 def sizes(problem: Problem) -> Array:
-    """Return the coordinates' sizes (n,), of equal kinetic energy: how far is far on a surface."""
+    """Return the coordinates' sizes (n,), of equal kinetic energy: units on a surface."""
     size = over(problem, 1.0).scales
     ends = problem.start, problem.end
     pairs = zip(ends[0].near, ends[1].near, strict=True)

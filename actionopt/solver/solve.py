@@ -119,9 +119,9 @@ def solve_near(problem: Problem, guess: Guess | None, tol: float) -> Solution:
 
 
 def refuse_rest(solution: Solution) -> Solution:
-    """Return a solution, as none if it is at rest where a motion is looked for.
+    """Return a solution, NOT_FOUND if it is at rest where a motion is sought.
 
-    That is where a path closes anywhere along itself, or tends to rest.
+    A motion is sought where a path closes anywhere along itself, or tends to rest.
     """
     problem = solution.problem
     sought = problem.closes or problem.leads_to_rest

@@ -5,9 +5,9 @@ The right-hand side is a vectorised component with the derivatives derived by ha
 
 from __future__ import annotations
 
-import dymos as dm
+import dymos as dm  # type: ignore[import-not-found]
 import numpy as np
-import openmdao.api as om
+import openmdao.api as om  # type: ignore[import-not-found]
 
 from benchmarks.arithmetic import NUMPY
 from benchmarks.peers._peer import Answer, Failed, Peer, piecewise, waypoints

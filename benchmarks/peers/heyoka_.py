@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import heyoka as hy
+import heyoka as hy  # type: ignore[import-not-found]
 import numpy as np
 
 from benchmarks.arithmetic import elementwise

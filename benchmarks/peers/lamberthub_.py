@@ -7,7 +7,7 @@ arc of more than half a turn is asked for by its sense.
 from __future__ import annotations
 
 import numpy as np
-from lamberthub import izzo2015
+from lamberthub import izzo2015  # type: ignore[import-not-found]
 
 from benchmarks.peers._peer import Answer, Peer, Unable
 from benchmarks.problems import Case, Ends

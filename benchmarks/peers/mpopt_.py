@@ -7,7 +7,7 @@ q' = w + a, w' = acceleration(q, w + a), w(0) = 0.
 from __future__ import annotations
 
 import numpy as np
-from mpopt import mp
+from mpopt import mp  # type: ignore[import-not-found]
 
 from benchmarks.peers._peer import IPOPT, Answer, Peer, Unable, piecewise, succeeded
 from benchmarks.peers.casadi_collocation import accelerations

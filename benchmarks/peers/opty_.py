@@ -6,7 +6,7 @@ Its midpoint rule is of second order; its settings are numbers of nodes.
 from __future__ import annotations
 
 import numpy as np
-import opty
+import opty  # type: ignore[import-not-found]
 import sympy as sm
 from scipy.interpolate import CubicHermiteSpline
 from sympy.physics import mechanics as me

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-import rockit
+import rockit  # type: ignore[import-not-found]
 
 from benchmarks.peers._peer import IPOPT, Answer, Failed, Peer, waypoints
 from benchmarks.peers.casadi_collocation import accelerations
