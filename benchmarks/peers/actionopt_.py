@@ -12,6 +12,7 @@ from benchmarks.peers._peer import TOLERANCES, Answer, Failed, Peer
 from benchmarks.problems import Case, Ends
 
 ANSWERS = ("ends", "energy", "orbit", "infinity")
+Method = Literal["auto", "ipopt"]
 
 
 def _asked(system: ao.System, case: Case, ends: Ends) -> ao.Problem:
@@ -25,9 +26,7 @@ def _asked(system: ao.System, case: Case, ends: Ends) -> ao.Problem:
     return ao.Problem(system, start, end, energy=case.energy)
 
 
-def _solve(
-    system: ao.System, case: Case, ends: Ends, tol: float, guess, method: Literal["auto", "ipopt"]
-) -> Answer:
+def _solve(system: ao.System, case: Case, ends: Ends, tol: float, guess, method: Method) -> Answer:
     try:
         solution = ao.solve(_asked(system, case, ends), tol=tol, guess=guess, method=method)
     except ao.SolveError as error:
@@ -44,7 +43,7 @@ def _system(case: Case) -> ao.System:
     return ao.System(case.lagrangian, case.coordinates, **given)
 
 
-def cold(case: Case, ends: Ends, start: str, tol: float, method: str = "auto") -> Answer:
+def cold(case: Case, ends: Ends, start: str, tol: float, method: Method = "auto") -> Answer:
     """Trace the Lagrangian and solve, with no guess where the straight line is meant."""
     guess = None
     if start != "line":
@@ -56,7 +55,7 @@ def cold(case: Case, ends: Ends, start: str, tol: float, method: str = "auto") -
     return _solve(_system(case), case, ends, tol, guess, method)
 
 
-def again(answer: Answer, case: Case, ends: Ends, tol: float, method: str = "auto") -> Answer:
+def again(answer: Answer, case: Case, ends: Ends, tol: float, method: Method = "auto") -> Answer:
     """Solve on the same system from the last solution; a kink back is another one."""
     guess = None if case.asks == "infinity" else answer.state
     return _solve(answer.state.problem.system, case, ends, tol, guess, method)
