@@ -44,7 +44,8 @@ def saddle_row(member: Member) -> list[str]:
     """Return the cells of a member: its barriers, and what both methods come to."""
     minima = [s for s in points(member) if s.index == 0]
     saddles = [s for s in points(member) if s.index == 1]
-    barriers = ", ".join(f"{s.f - minima[0].f:.5g}" for s in saddles)
+    # By symmetry several saddles have one height.
+    barriers = ", ".join(dict.fromkeys(f"{s.f - minima[0].f:.5g}" for s in saddles))
     cells = [member.name, str(member.n), barriers]
     for path in (False, True):
         member.counts.clear()

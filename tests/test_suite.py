@@ -16,7 +16,7 @@ from actionopt import Mesh, scenes, suite
 from actionopt.suite import known, solvers, stars
 from actionopt.suite.families import redundant
 from actionopt.suite.interfaces import hessian, jacobian
-from actionopt.suite.learn import RANDOM_AMPLITUDES, learn, random_starts
+from actionopt.suite.learn import RANDOM_AMPLITUDES, learn, near_paths, random_starts
 from actionopt.suite.stars import STATIONARY
 
 NAMES = tuple(suite.FAMILIES)
@@ -480,6 +480,21 @@ def test_random_starts_are_other_starts_each_time_farther_off():
     assert min(off) > 0 and max(off) < 4 * max(RANDOM_AMPLITUDES)
     assert len(set(off)) == len(off)
     np.testing.assert_array_equal(list(random_starts(problem, 2)), starts[:2])
+
+
+def test_a_lower_minimum_is_kept_where_there_is_no_room_for_others(monkeypatch):
+    problem = suite.get("hoop_bead")
+    lower, tr = problem.others[0], problem.transcription
+    # Paths are asked for at the nodes.
+    paths = [lambda _, x=s.x: tr.coordinates(x / problem.unit).T for s in problem.others]
+    monkeypatch.setattr("actionopt.suite.learn.solve_all", lambda _: paths)
+    monkeypatch.setattr("actionopt.suite.learn.MOST_NUMBERS", 0)
+    assert len(list(near_paths(problem))) == 1  # the optimum: both are known
+    problem.others = ()
+    found = [r["point"] * problem.unit for r in near_paths(problem)]
+    assert min(problem.distance(x, lower.x) for x in found) < 1e-9
+    problem.others = (lower,)
+    assert len(list(near_paths(problem))) == 1  # the other side is no lower
 
 
 @pytest.mark.slow

@@ -1,14 +1,16 @@
 """Profiles against hand-made costs, and the report against its records."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers import record
 
+from actionopt import suite
 from actionopt.plot import profiles
-from actionopt.suite import profile
+from actionopt.suite import known, profile
 from actionopt.suite.report import write
 from actionopt.suite.runner import load
 
@@ -194,5 +196,16 @@ def test_what_is_published_is_what_the_records_say(tmp_path, monkeypatch):
     write(records, tmp_path)
     for page in ("index.html", "dials.html"):
         assert (tmp_path / page).read_text() == (PUBLISHED / page).read_text()
+    searched = {name.split()[0] for name in known.table()}
+    for r in records:
+        if r["problem"] in searched and not r["parameters"] and "f_lowest" in r:
+            least = lowest(r["problem"], r["elements"], r["degree"])
+            assert r["f_lowest"] == pytest.approx(least, rel=1e-9), r["problem"]
     late = [r for r in records if r["outcome"] == "limit" and r["word"] != "out of memory"]
     assert late and all(r["processor"] >= r["allowed"] for r in late)
+
+
+@cache
+def lowest(name, elements, degree):
+    """Return the least f known of a minimum."""
+    return suite.get(name, elements, degree).lowest

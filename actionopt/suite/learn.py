@@ -26,7 +26,7 @@ from actionopt.suite import known, solvers
 from actionopt.suite.member import Stationary
 from actionopt.suite.problem import SEED, TestProblem
 from actionopt.suite.runner import load
-from actionopt.suite.verdict import NEAR, SAME_POINT
+from actionopt.suite.verdict import NEAR, SAME_POINT, SAME_VALUE
 from actionopt.suite.ways import centres, ways
 from actionopt.tools.files import rounded, write
 from actionopt.tools.types import Array
@@ -87,7 +87,8 @@ def search(problem: TestProblem, starts: int = RANDOM_STARTS) -> Iterator[dict[s
 def near_paths(problem: TestProblem) -> Iterator[dict[str, Any]]:
     """Yield the optimum, and what is stationary near the paths that `solve_all` finds, for `learn`.
 
-    On the mesh: a path that it does not resolve, and one that ends a turn farther, has none.
+    On the mesh: a path that it does not resolve, and one that ends a turn farther, has none. Where
+    `MOST_NUMBERS` are kept already, only a minimum that is lower than all.
     """
     every = solve_all(problem.scene.problem)
     found = [problem.optimum]
@@ -95,9 +96,10 @@ def near_paths(problem: TestProblem) -> Iterator[dict[str, Any]]:
     for solution in every:
         near = problem.nearest(problem.at_nodes(solution), NEAR)
         kept = [s.x for s in (*found, *problem.others)]
-        if near is None or near.index is None or len(found) > most:
+        if near is None or near.index is None or not is_new(problem, near.x, kept):
             continue
-        if is_new(problem, near.x, kept):
+        lower = problem.lowest - SAME_VALUE * problem.f_unit
+        if len(found) <= most or (near.index == 0 and near.f < lower):
             found.append(near)
     for point in found:
         yield {**_record(problem, point), "paths": len(every)}
