@@ -123,7 +123,7 @@ def test_the_report_says_what_the_records_say(tmp_path, monkeypatch):
     row = r"<td>a</td><td>2 \(1\)</td><td>1</td><td>0</td><td>1</td><td>0</td>"
     assert re.search(row, minimise)
     assert re.search(row, stationary)
-    assert "<td>a</td><td>2 / 4</td>" in text
+    assert "<td>a</td><td>2 / 4</td>" in text.replace("\N{NO-BREAK SPACE}", " ")
     assert "mine.py:solve" in text
     assert "/far" not in text and "None" not in text
     assert "actionopt suite run \\\n  --solver a \\\n  --solver b" in text
