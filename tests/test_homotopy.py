@@ -9,7 +9,7 @@ import actionopt as ao
 from actionopt.discrete.newton import approach, follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
-from actionopt.solver.homotopy import HomotopyCurve, newton_homotopy
+from actionopt.solver.homotopy import newton_homotopy
 from actionopt.solver.resonances import Resonances
 
 PENDULUM = systems.pendulum(g=9.81)
@@ -39,22 +39,6 @@ def test_from_the_straight_line_to_a_motion(end, T):
     assert polished.travelled <= 1e-3  # the homotopy came near already
     assert is_motion(tr, polished.z, pendulum_flow, 1e-4)
     assert not is_motion(tr, z, pendulum_flow, 1e-2)  # the straight line is not a motion
-
-
-def test_a_point_takes_little_more_than_one_factorization(monkeypatch):
-    """The last of two or three corrections, and the next direction, take known factors."""
-    tr, points = transcribed(PENDULUM, ([2.5], [1.5]), 5.0, 16), []
-
-    def correct(self, *point):
-        points.append(known(self, *point))
-        return points[-1]
-
-    known = HomotopyCurve._correct
-    monkeypatch.setattr(HomotopyCurve, "_correct", correct)
-    found, count = newton_homotopy(tr, tr.pack(tr.straight()))
-    assert found is not None and follow(tr, found).converged
-    assert count <= 1.7 * len(points)
-    assert sum(each[3] for each in points if each) > 1.2 * count
 
 
 def test_with_a_constraint_on_the_way():

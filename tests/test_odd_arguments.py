@@ -190,6 +190,7 @@ INTERNAL = {
         "System.operations",
         "System.pointwise",
         "System.with_contact_distance",
+        "System.with_obstacle_rows",
         "System.with_parameters",
     ),
     *("Variation.moved", "Variation.nodes"),

@@ -376,7 +376,7 @@ def _energies(s: Subject, figure: Any) -> tuple[str, str]:
 
 
 @_kind("Energy function and momenta", IN_MOTION, size=(6.4, 5.4))
-def _conserved_quantities(s: Subject, figure: Any) -> tuple[str, str]:
+def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
     plot.conserved(s.solution, figure.subplots(2, sharex=True), units=s.units)
     data = plot.conserved_data(s.solution)
     order, coordinates = s.solution.problem.system.order, s.solution.problem.system.coordinates

@@ -31,10 +31,6 @@ RUNAWAY_FORCE, RUNAWAY_CURVE = 100.0, 50.0
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
 CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
-# A correction after which the next ones take the same factors. Measured on lattices of 1 to 3
-# masses: as many points with 1e-3 and 1e-2, and 1.8 and 1.2 factorizations each, not 2.8; with 0.1
-# more points.
-CHORD_CORRECTION = 1e-2
 CURVE_END = 1.5  # an s at which the curve is not near the path any more
 
 
@@ -132,17 +128,13 @@ class HomotopyCurve:
         tr, cut, last = self.tr, self.tr.layout.unknowns, np.inf
         assert self.direction is not None
         across = self.direction[:cut]
-        factors = slope = None
         with np.errstate(all="ignore"):
             for k in range(1, CORRECTOR_STEPS + 1):
-                left = tr.residual(z) - (1.0 - s) * self.force
+                self.count += 1
                 try:
-                    if factors is None or slope is None or last > CHORD_CORRECTION:
-                        self.count += 1
-                        factors = Factors(tr.layout, tr.kkt(z), many=True)
-                        miss, slope = factors.solve_both(left, -self.force)
-                    else:
-                        miss = factors.solve(left)
+                    factors = Factors(tr.layout, tr.kkt(z), many=True)
+                    left = tr.residual(z) - (1.0 - s) * self.force
+                    miss, slope = factors.solve_both(left, -self.force)
                 except np.linalg.LinAlgError:
                     return None
                 # Bordered system: the correction is orthogonal to the direction.

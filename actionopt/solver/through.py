@@ -106,7 +106,7 @@ def solve_through(
             "guess, waypoints of shape (n, k + 2): places at all events"
         )
     if not _is_stationary(best):
-        hint = _wall_behind_another(problem) or hint
+        hint = "; ".join(filter(None, (hint, _wall_behind_another(problem))))
     return best, hint
 
 
