@@ -409,7 +409,7 @@ def slips(at: DiscretePath) -> Iterator[Slip | Rate]:
 
 
 def _rates(at: DiscretePath) -> Iterator[Rate]:
-    """Yield the same where L contains accelerations; velocities are unknowns there."""
+    """Yield df/dt where contact begins and ends, of a path whose velocities are unknowns."""
     held, mesh, tr = contacts_of(at.problem), at.mesh, at.tr
     m, n, places = held.system.m, held.system.n, tr.place(at.x).places
     function = rates_of_rows(held.system)

@@ -158,9 +158,9 @@ class Stretch:
     def _add_contact_rows(self, found: Array) -> None:
         """Add what rows of higher orders change by, which hold f at all nodes of their elements."""
         tr, layout = self.at.tr, self.at.tr.layout
-        system, packed, n, m = tr.problem.system, tr.problem.packed, tr.problem.system.n, 0
+        system, packed = tr.problem.system, tr.problem.packed
+        n, m, pointwise, jets = system.n, system.m, system.pointwise, self._shifts[0][0]
         q, times, z = tr.place(self.at.x).at[:, :n], tr.times, self.at.z
-        m, pointwise, jets = system.m, system.pointwise, self._shifts[0][0]
         assert jets is not None
         kept, shift = tr.row_multipliers(z), jets[:, :n]
         jacobian, curvature = pointwise("constraint_jacobian"), pointwise("constraint_curvature")
