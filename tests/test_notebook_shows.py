@@ -101,3 +101,21 @@ def test_a_relaxation_that_runs_away_lasts():
     assert frame_count(data, 25) == 75
     there = plot.relaxation_data(solved("oscillator"))
     assert there.arrived and frame_count(there, 25) == there.action.size
+
+
+@pytest.mark.parametrize("name", ["φ", "θ_1", "_a", "x2_b", "longName"])
+def test_any_name_of_a_coordinate_or_parameter_is_shown(name):
+    law = eval(f"lambda q, v, t, *, {name}: v[0] ** 2 / 2 - {name} * q[0] ** 2")
+    shown = ao.System(law, [name], parameters={name: 1.0})._repr_html_()
+    assert len(list(whole(shown).iter("math"))) == 2
+
+
+def test_the_multiplier_of_an_integral_is_shown_as_kappa():
+    rope = ao.Problem(
+        ao.System(lambda q, v, t: v[0] ** 2 / 2, ["y"], integral=lambda q, v, t: q[0] * v[0]),
+        ao.Event(0, [0.0]),
+        ao.Event(1, [1.0]),
+        integral=0.5,
+    )
+    said = [m.get("alttext") for m in whole(rope.system._repr_html_()).iter("math")]
+    assert said[0] == "L = y'^2 / 2 + kappa y y'"

@@ -29,7 +29,8 @@ from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.mechanics.course import jet_normals
 from actionopt.mechanics.events import RATES
 from actionopt.mechanics.held import Held
-from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import RANK, Array

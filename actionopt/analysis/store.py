@@ -31,7 +31,8 @@ from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.mechanics.surface import Surface
-from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.types import Array
 
 # What a file must say twice, relative to its size. Ad hoc: far above the round-off of another

@@ -24,7 +24,7 @@ from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import first_state
 from actionopt.mechanics.symmetry import find_symmetries
-from actionopt.mechanics.system import MULTIPLIERS
+from actionopt.mechanics.tracing import MULTIPLIERS
 from actionopt.tools.types import Array, NDInt
 
 OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc

@@ -11,10 +11,10 @@ from actionopt.analysis.sensitivity import slopes
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.borders import times_over
 from actionopt.discrete.path import Path
-from actionopt.mechanics.course import SWITCHES
 from actionopt.mechanics.events import Event, Tail
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.system import MULTIPLIERS, System
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.types import Array
 
 Name = str | tuple[Any, ...]  # ("start", coordinate), ("through", k, coordinate), ...

@@ -16,8 +16,7 @@ from actionopt.gallery.figures import IN_CHECK, IN_MOTION, IN_PRINCIPLE, Figure,
 from actionopt.gallery.page import Page, escape, frame, prose, table, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts, texts_of_own
-from actionopt.mechanics.course import SWITCHES
-from actionopt.mechanics.system import MULTIPLIERS
+from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.mechanics.written import equations
 from actionopt.plot._names import units_of
 from actionopt.plot.live.page import SCRIPTS, figure
@@ -269,7 +268,7 @@ def _principle(s: Subject, words: Texts) -> str:
         follow = say("From this follow the equations of motion, where nothing is touched.")
     law = s.laws[0]
     try:
-        rows = [row.replace(f"{MULTIPLIERS}_1", "kappa") for row in equations(law, law.table)]
+        rows = equations(law, law.table)
     except ValueError:
         rows, follow = [], f"{follow} {say(UNWRITTEN)}"
     scalars = {*system.coordinates, *law.parameters, "G"}

@@ -24,8 +24,8 @@ import numpy as np
 from actionopt.mechanics.canonical import jet_of, rate_of
 from actionopt.mechanics.events import RATES, Bounce, Event, Periodic
 from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_surface
-from actionopt.mechanics.system import SWITCHES, System
-from actionopt.mechanics.tracing import STATE
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import STATE, SWITCHES
 from actionopt.tools.types import Array
 
 

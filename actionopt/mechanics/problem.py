@@ -32,7 +32,8 @@ from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.scales import motion_of, scales_of
 from actionopt.mechanics.singular_ends import singular_ends
 from actionopt.mechanics.surface import with_parameters, with_surface
-from actionopt.mechanics.system import MULTIPLIERS, SWITCHES, System
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.checks import by_name, entries, numbers
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array, NDInt

@@ -25,6 +25,8 @@ from actionopt.mechanics.lengths import check_length, square
 from actionopt.mechanics.pickling import reduce
 from actionopt.mechanics.switches import minimum_parts
 from actionopt.mechanics.tracing import (
+    MULTIPLIERS,
+    SWITCHES,
     ParameterTable,
     Symbols,
     call,
@@ -41,9 +43,6 @@ from actionopt.tools.types import Array
 # Sizes of a motion that an obstacle counts as far away at most, and inside of it; ad hoc. What a
 # slope's square may be without being zero.
 DISTANT, LEAST_SLOPE = 100.0, 1e-300
-
-# Parameters of our own: kappa (c,) of L + kappa.g, and the times at which laws of legs take turns.
-MULTIPLIERS, SWITCHES = "integral_multipliers", "leg_times"
 
 
 class System(NumericLaws):

@@ -29,6 +29,8 @@ USUAL = {
 }
 STATE = ("q", "v", "a", "j", "s")  # coordinates and their derivatives, as a Lagrangian names them
 RATE_NAME = re.compile(r"^(?:d(\w+?)(?:_?dt)?|(\w+?)_?(?:dot|prime))$")
+# Parameters of our own: kappa (c,) of L + kappa.g, and the times at which laws of legs take turns.
+MULTIPLIERS, SWITCHES = "integral_multipliers", "leg_times"
 STARRED = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
 # At how many times the forces along a path are sampled before it is a solution, by how narrow a
 # feature they may have (`switches.localized`). Derived for Gauss's points in panels

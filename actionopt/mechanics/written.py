@@ -18,7 +18,7 @@ from typing import Any
 import casadi as ca
 
 from actionopt.mechanics.laws import Laws
-from actionopt.mechanics.tracing import ParameterTable, stack
+from actionopt.mechanics.tracing import MULTIPLIERS, ParameterTable, stack
 from actionopt.tools.tape import Node, Tape
 
 MOST_TERMS = 60  # terms; more are no formula to be read (ad hoc)
@@ -108,10 +108,13 @@ def _names(x: Any) -> set[str]:
 
 
 def _entry_names(table: ParameterTable) -> list[str]:
-    """Return the names of the entries of the parameters, in their order."""
+    """Return the names of the entries of the parameters, in their order; of multipliers, kappa."""
     names = []
     for name, value in table.defaults.items():
-        names += [name] if not value.shape else [f"{name}_{k + 1}" for k in range(value.size)]
+        if name == MULTIPLIERS:
+            names += ["kappa"] if value.size == 1 else [f"kappa_{k + 1}" for k in range(value.size)]
+        else:
+            names += [name] if not value.shape else [f"{name}_{k + 1}" for k in range(value.size)]
     return names
 
 

@@ -31,7 +31,7 @@ from actionopt.mechanics.course import sides
 from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal, first_state
-from actionopt.mechanics.system import SWITCHES
+from actionopt.mechanics.tracing import SWITCHES
 from actionopt.solver.arguments import Guess, checked_curve
 from actionopt.solver.closed import LOOKED_AT, begin_on_surface
 from actionopt.solver.family import judge_family, may_be_family

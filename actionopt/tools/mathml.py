@@ -122,8 +122,8 @@ class _Writer:
         """Return a symbol without its index, and the index."""
         at = self(node.slice) if isinstance(node, ast.Subscript) else ""
         whole = ast.unparse(node).partition("[")[0]
-        name, digits, primes = re.fullmatch(rf"([A-Za-z]+)(\d*)({PRIME}*)", whole).groups()  # type: ignore[union-attr]
-        if len(name) == 2 and name not in GREEK:
+        name, digits, primes = re.fullmatch(rf"(.+?)_?(\d*)({PRIME}*)", whole).groups()  # type: ignore[union-attr]
+        if len(name) == 2 and name.isalpha() and name not in GREEK:
             name, at = name[0], f"<mi>{name[1]}</mi>"  # Ex is the x-component of E
         if name in VECTORS and name + digits not in self.scalars:
             body = f'<mi class="vector" mathvariant="normal">{name}</mi>'
