@@ -199,3 +199,13 @@ def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
     row = 1 if name == "projectile" else 0
     assert low < data.paths[:, row].min() and data.paths[:, row].max() < high
     panels.paths.figure.draw_without_rendering()
+
+
+def test_a_path_relaxes_between_the_events_it_passes():
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    floor = ao.Bounce(lambda q, t: q[1])
+    ends = ao.Event(0.0, [0.0, 1.0]), ao.Event(1.0, [2.0, 1.0])
+    found = relaxation_data(ao.solve(ao.Problem(free, *ends, through=[floor])))
+    at = np.argmin(np.abs(found.t - 0.5))
+    assert found.arrived and found.action[0] > found.action[-1]
+    assert np.ptp(found.paths[:, :, at], axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)

@@ -147,3 +147,28 @@ def test_a_varied_path_ends_on_its_surface():
     way = ao.solve(ao.Problem(plane, ao.Event(0.0, [3.0, 0.0]), circle))
     S = variation(way, lambda t: np.stack([0 * t, t]))  # tangent where it ends
     assert np.linalg.norm(S.path(0.3)(1.0)) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_variation_vanishes_at_events_on_the_way():
+    oscillator = systems.oscillator()
+    events = ao.Event(0.0, [1.0]), ao.Event(3.0, [0.5])
+    path = ao.solve(ao.Problem(oscillator, *events, through=[ao.Event(1.0, [-0.4])]))
+
+    def arches(t):
+        return [np.where(t < 1, np.sin(np.pi * t), np.sin(np.pi * (t - 1) / 2))]
+
+    S = variation(path, arches)  # the integral of eta'^2 - eta^2 on each leg
+    assert S.second == pytest.approx(sum(np.pi**2 / 2 / T - T / 2 for T in (1, 2)), rel=1e-9)
+    assert abs(S.first) <= ROUNDING * S.cancelling
+    with pytest.raises(ValueError, match=r"expected eta\(1.0\) = 0 in x"):
+        variation(path, lambda t: [np.sin(np.pi * t / 3)])
+    free = ao.solve(
+        ao.Problem(
+            systems.particle("x y"),
+            ao.Event(0.0, [0.0, 0.0]),
+            ao.Event(1.0, [1.0, 0.0]),
+            through=[ao.Event(None, [0.5, 0.3])],
+        )
+    )
+    with pytest.raises(ValueError, match="one through 1"):
+        variation(free, lambda t: np.zeros((2, len(t))))

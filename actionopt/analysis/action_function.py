@@ -67,8 +67,8 @@ def _check(problem: Problem) -> None:
     if not isinstance(problem, Problem) or problem.has_tails or problem.closes or problem.laws:
         raise ValueError(
             "expected a path between two events at finite times with one law, whose discrete "
-            f"action is a sum over its nodes, found {problem.name}; closed paths, ends at infinity "
-            "and several systems are not written so"
+            "action is a sum over its nodes, found one that closes, has an end at infinity or "
+            "several systems; it is not written so"
         )
 
 

@@ -171,6 +171,12 @@ def _through(solution: Solution) -> Monodromy:
     )
     a, b, c = second_through(at)
     if not np.isfinite(b).all() or np.linalg.matrix_rank(b) < n:
+        if any(event.pinned for event in asked.through):
+            raise ValueError(
+                "expected events between the ends that leave the path to its motion, found "
+                "coordinates that one gives: neighbours are led through them, not carried past; "
+                "see solution.parts"
+            )
         raise ValueError(
             "expected ends of a path through events that are not conjugate, found that they are: "
             "begin a closed path elsewhere along itself"

@@ -30,7 +30,7 @@ from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.course import check_whole
+from actionopt.mechanics.course import check_free, check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import RANK, Array, NDInt
@@ -58,6 +58,8 @@ class Form:
         those along which the events are pinned come first.
     pinned : tuple of int
         Number of pinned directions at the start and at the end.
+    passed : dict
+        Number of pinned directions at the nodes of events between the ends.
     elements, kinetic : lists of ((d + 1) r, (d + 1) r) arrays
         d2S and its part in L_vv on each element, in the user's units of action. Where neither
         end pins all, int eta.L_vv eta dt / T^2 is added to that part: a constant eta has no rate.
@@ -72,6 +74,7 @@ class Form:
     units: Array
     basis: Array
     pinned: tuple[int, int]
+    passed: dict[int, int]
     elements: list[Array]
     kinetic: list[Array]
     legendre: Array
@@ -136,16 +139,19 @@ def are_units(units: Array, n: int) -> bool:
     return units.shape in ((), (1,), (n,)) and bool(usable.all())
 
 
-def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) -> Form:
+def form(
+    at: DiscretePath, units: Array | None = None, *, phase: bool = True, through: bool = False
+) -> Form:
     """Return the second variation along a path, the coordinates in `units` (n,).
 
-    Without `phase` what chooses one of the paths that differ by a shift of time is left out.
+    Without `phase` what chooses one of the paths that differ by a shift of time is left out. Paths
+    `through` events are asked for where those at given times and places are known.
 
     Raises ValueError for a system with non-conservative forces, or a path along which L is not
     finite.
     """
     tr, problem = at.tr, at.problem
-    _check_action(problem)
+    _check_action(problem, through=through)
     q, v = tr.state(at.Q)
     A, B, C, S = coefficients(problem, q, v, tr.times)
     if problem.system.m:
@@ -159,16 +165,16 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
             "collision, and its neighbours are not determined"
         )
     units = _units_of(at, units, C)
-    basis, pinned = _bases(at, units)
+    basis, pinned, passed = _bases(at, units)
     scale = units[:, None] * units
     A, B, C = (x * scale for x in (A, B, C))
     elements, kinetic = _element_forms(at, (A, B, C), basis, max(pinned) < basis.shape[2])
     _add_boundary_terms(at, elements, basis, scale, S, phase=phase)
     legendre, frequency = _local_scales(at, (A, B, C), basis)
-    return Form(at, units, basis, pinned, elements, kinetic, legendre, frequency)
+    return Form(at, units, basis, pinned, passed, elements, kinetic, legendre, frequency)
 
 
-def _check_action(problem: Problem) -> None:
+def _check_action(problem: Problem, *, through: bool) -> None:
     """Raise ValueError where there is no action of which to take a second variation."""
     if problem.system.structure.forced:
         raise ValueError(
@@ -176,7 +182,10 @@ def _check_action(problem: Problem) -> None:
             "paths are not stationary points of an action, so that they have no second variation "
             "or index"
         )
-    check_whole(problem, "the second variation")
+    if through and all(e.t is not None and e.on is None for e in problem.original.through):
+        check_free(problem, "the second variation")
+    else:
+        check_whole(problem, "the second variation")
     if problem.touches:
         raise ValueError(
             "expected a path that touches no obstacle, found one that does: its second variation "
@@ -201,10 +210,11 @@ def _units_of(at: DiscretePath, given: Array | None, mass: Array) -> Array:
     return units
 
 
-def _bases(at: DiscretePath, units: Array) -> tuple[Array, tuple[int, int]]:
-    """Return a basis (K, n, r) of what constraints and ends allow at the nodes.
+def _bases(at: DiscretePath, units: Array) -> tuple[Array, tuple[int, int], dict[int, int]]:
+    """Return a basis (K, n, r) of what constraints and events allow at the nodes.
 
-    And how many of its columns each end pins: they come first there.
+    And how many of its columns each end pins, and each event between them, by nodes: they come
+    first there.
     """
     problem, closed = at.problem, at.tr.layout.closed
     basis = tangent(problem, at.Q, at.tr.mesh.nodes[:, None], units).copy()
@@ -213,9 +223,13 @@ def _bases(at: DiscretePath, units: Array) -> tuple[Array, tuple[int, int]]:
         asked = problem.surfaces[k]
         normals = None if asked is None else surface_at(at, -k)[1] * units
         basis[-k], pinned[k] = _pinned_first(basis[-k], (asked or event).pinned, normals)
+    passed, mesh = {}, at.tr.mesh
+    for event in problem.through:
+        k = int(mesh.offsets[np.argmin(np.abs(mesh.boundaries - event.t))])
+        basis[k], passed[k] = _pinned_first(basis[k], event.pinned, None)
     if closed:
         basis[-1] = basis[0, list(closed)]
-    return basis, (pinned[0], pinned[1])
+    return basis, (pinned[0], pinned[1]), passed
 
 
 def _element_forms(

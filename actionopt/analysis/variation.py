@@ -157,7 +157,7 @@ def variation(
     Raises
     ------
     ValueError
-        If eta does not vanish at the pinned ends, close with a closed path or fit the
+        If eta does not vanish where events pin the path, close with a closed path or fit the
         coordinates, or the system has non-conservative forces: its paths make no functional
         stationary.
 
@@ -187,7 +187,7 @@ def variation(
             f"expected one positive unit, or one of each of {problem.system.n} coordinates, found "
             f"{unit!r}"
         )
-    found = form(at, np.broadcast_to(units, (problem.system.n,)))
+    found = form(at, np.broadcast_to(units, (problem.system.n,)), through=True)
     return Variation(found, at.lam, Path(mesh, _allowed_part(found, Path.interpolate(eta, mesh)).T))
 
 
@@ -212,13 +212,14 @@ def _allowed_part(form: Form, eta: Path) -> Array:
     if values.shape[1] != len(names):
         raise ValueError(f"expected eta of {len(names)} coordinates, found {values.shape[1]}")
     size = np.max(np.abs(values))
-    for k, found in ((0, problem.start), (-1, problem.end)):
-        event = problem.surfaces[k] or found
+    ends = ((0, problem.start), (-1, problem.end))
+    for k, found in (*ends, *zip(form.passed, problem.through, strict=True)):
+        event = (problem.surfaces[k] if k in (0, -1) else None) or found
         for i in event.pinned:
             if abs(values[k, i]) > PINNED_ETA * size:
                 raise ValueError(
                     f"expected eta({found.t}) = 0 in {names[i]}, which the event pins, found "
-                    f"{values[k, i]:.3g}; multiply eta by a function that vanishes at both ends"
+                    f"{values[k, i]:.3g}; multiply eta by a function that vanishes there"
                 )
     if form.closed:
         open_by = np.abs(values[-1] - values[0, list(problem.order)])
@@ -229,6 +230,6 @@ def _allowed_part(form: Form, eta: Path) -> Array:
                 f"by {open_by[i]:.3g}"
             )
     a = np.einsum("knr,kn->kr", form.basis, values / form.units)
-    for k, count in ((0, form.pinned[0]), (-1, form.pinned[1])):
+    for k, count in ((0, form.pinned[0]), (-1, form.pinned[1]), *form.passed.items()):
         a[k, :count] = 0.0
     return form.units * np.einsum("knr,kr->kn", form.basis, a)

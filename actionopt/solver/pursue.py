@@ -159,8 +159,9 @@ def _check_no_mesh(choices: Choices) -> None:
     """Raise ValueError for choices that do not go with events that are to be found."""
     if choices.mesh is not None or choices.strategies is IPOPT:
         raise ValueError(
-            "expected neither a mesh nor method 'ipopt' where times or places of events between "
-            "the ends are to be found: both know given events; leave them out, and give tol"
+            "expected neither a mesh nor method 'ipopt' where times or places of events, or "
+            "multipliers of integrals, are to be found: both know what is given; leave them out, "
+            "and give tol"
         )
 
 

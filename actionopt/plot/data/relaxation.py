@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.variation import resolve_eta
+from actionopt.discrete.borders import times_of
 from actionopt.discrete.factors import Factors, diagonal
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
@@ -102,7 +103,7 @@ def relaxation_data(
         The true path.
     start : Path or callable, optional
         A path between the same events, (n, K) for K times; the true one with waves on it by
-        default.
+        default. Events whose times or places were found keep them.
     method : str
         "descent" or "newton".
     steps : int
@@ -151,12 +152,14 @@ def relaxation_data(
 
 def wild(solution: Solution) -> Callable[[Array], Array]:
     """Return a path with waves on it, the same ones always, between the solution's events."""
-    lengths, t0 = solution.discrete.tr.lengths, solution.problem.start.t
+    lengths = solution.discrete.tr.lengths
+    events = times_of(solution.problem)
     i, k = np.arange(lengths.size)[:, None], np.arange(1, START_WAVES + 1)
     shares = WILD * lengths[:, None] * np.cos(2.4 * k + 1.9 * i) / k**0.25
 
     def curve(t: Array) -> Array:
-        s = (t - t0) / solution.problem.duration
+        leg = np.clip(np.searchsorted(events, t, "right") - 1, 0, len(events) - 2)
+        s = (t - events[leg]) / np.diff(events)[leg]
         return solution(t) + shares @ np.sin(np.pi * np.outer(k, s))
 
     return curve

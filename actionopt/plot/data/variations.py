@@ -267,7 +267,7 @@ def spectrum_data(solution: Solution, count: int = 3, points: int = 48) -> Spect
     non-conservative forces or events with free coordinates.
     """
     problem, t0 = solution.problem, solution.problem.start.t
-    check_whole(problem, "the spectrum of its first parts")
+    check_whole(problem, "how the eigenvalues change with the end time")
     if len(problem.start.pinned) + len(problem.end.pinned) < 2 * problem.system.n:
         raise ValueError("expected events that pin all coordinates, found a free one; try `slices`")
     units = sizes(solution)
