@@ -506,3 +506,12 @@ def test_an_interrupted_sweep_prints_what_is_done(capsys, monkeypatch):
     code, out, _ = run(capsys, "sweep", "pendulum", "--over", "t1=0.5:0.6:3")
     assert code == 130 and out.startswith("pendulum: 3 paths, interrupted\n")
     assert "3 UNREACHED" in out
+
+
+def test_what_was_found_is_told(capsys):
+    assert main(["solve", "snell", "--no-compare"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"event 1 found +t = [\d.]+, x = ", said) and "impulse at event 1" in said
+    found = solved(capsys, "dido", "--no-compare")
+    assert found["kappa"] == pytest.approx([-np.pi]) and found["events"][0]["event"] == "end"
+    assert "duration" not in found

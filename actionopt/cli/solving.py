@@ -28,6 +28,7 @@ COMPARISON_KEYS = (  # of a comparison, as --json has it
     *("agrees", "position", "velocity", "arrival", "local", "allowed"),
     *("energy_drift", "reference_error", "reason"),
 )
+LISTED = 6  # events; --json has all
 
 
 def add_to(command: argparse.ArgumentParser) -> None:
@@ -75,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(_plain(found), indent=2, allow_nan=False))
     else:
         _print_report(found)
-    if options.compare and not solution.contacts and solution.compare().agrees is False:
+    if "forward" in found and found["forward"]["agrees"] is False:
         raise RuntimeError(_contradiction(found["forward"]))
     return 0
 
@@ -98,12 +99,16 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
     forced one is, has null there.
     """
     question = solution.problem
+    is_compared = compare and not (solution.contacts and question.system.order == 1)
     found: dict[str, Any] = {
         "name": question.system.name,
         "verdict": solution.status.value,
         "action": solution.action,
         "error": solution.error,
         **({"duration": solution.duration} if question.original.free_time else {}),
+        **({"events": events} if (events := _events_found(solution)) else {}),
+        **({"impulses": solution.impulses} if question.through else {}),
+        **({} if question.integral is None else {"kappa": solution.integral_multipliers}),
         "mesh": {"elements": solution.mesh.elements, "degrees": solution.mesh.degrees},
         **solution.stats,
     }
@@ -111,7 +116,7 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
         found["kind"] = found["morse_index"] = None
         with suppress(ValueError):
             found["kind"], found["morse_index"] = solution.kind, solution.morse_index
-    if compare and not solution.contacts:
+    if is_compared:
         clock = perf_counter()
         comparison = solution.compare()
         found["forward"] = {name: getattr(comparison, name) for name in COMPARISON_KEYS}
@@ -121,10 +126,31 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
     return found
 
 
+def _events_found(solution: Solution) -> list[dict[str, Any]]:
+    """Return time and place of the events that were to be found; of ends, where the place was."""
+    problem, events = solution.problem, []
+    last = len(problem.joints) - 1
+    for k, (asked, found) in enumerate(zip(problem.joints, problem.joints_found, strict=True)):
+        is_open = None in asked.q or (asked.t is None and 0 < k < last)
+        if is_open and not (problem.closes and k == last):
+            name = {0: "start", last: "end"}.get(k, f"event {k}")
+            place = dict(zip(problem.system.coordinates, solution(found.t), strict=True))
+            events.append({"event": name, "t": found.t, **place})
+    return events
+
+
 def _print_report(found: dict[str, Any]) -> None:
     rows = [("action", f"{found['action']:.12g}"), ("error estimate", f"{found['error']:.1e}")]
     if "duration" in found:
         rows.insert(1, ("duration found", f"{found['duration']:.12g}"))
+    for event in found.get("events", ())[:LISTED]:
+        place = (f"{name} = {x:.8g}" for name, x in event.items() if name != "event")
+        rows.append((f"{event['event']} found", ", ".join(place)))
+    for k, impulse in enumerate(found.get("impulses", ())[:LISTED], 1):
+        rows.append((f"impulse at event {k}", ", ".join(f"{x:.6g}" for x in impulse)))
+    if "kappa" in found:
+        multipliers = ", ".join(f"{x:.10g}" for x in found["kappa"])
+        rows.append(("multipliers of integrals", multipliers))
     if "kind" in found:
         kind = "no index: the path is forced, or its neighbours are not determined"
         if found["kind"] is not None:
