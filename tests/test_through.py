@@ -597,3 +597,16 @@ def test_what_does_not_belong_at_an_end_is_refused():
     ):
         with pytest.raises(ValueError, match=f"expected an Event at the .*{where}"):
             ao.Problem(free, *ends)
+
+
+def test_a_least_reflection_is_preferred():
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    wall = ao.Bounce(lambda q, t: 1 - (q[0] / 2) ** 2 - q[1] ** 2)
+    a, b = np.array([0.369, -0.083]), np.array([0.882, 0.159])  # Newton's method meets a saddle
+    problem = ao.Problem(free, ao.Event(0, a), ao.Event(1, b), through=[wall])
+    s = np.linspace(0, 2 * np.pi, 20001)
+    on = np.array([2 * np.cos(s), np.sin(s)])
+    ways = sum(np.linalg.norm(on - p[:, None], axis=0) for p in (a, b))
+    least = ways[1:-1][(ways[1:-1] < ways[:-2]) & (ways[1:-1] < ways[2:])] ** 2 / 2
+    found = ao.solve(problem)
+    assert found.morse_index == 0 and np.isclose(least, found.action, rtol=1e-6).any()
