@@ -77,15 +77,23 @@ def first_waves(
             break
     finer = wave_mesh(times, problem.system.order, 2 * COARSE_ELEMENTS)
     wanted = max(count // STARTS_A_STATE, LEAST_STATES)
-    states = eigenvectors(at, straight, finer, unit, wanted)
-    along_states = ((path, times) for path in (_along_each(states, asked) if states else ()))
+
+    def along_states(states: Eigenvectors | None) -> Iterator[tuple[Path, Array]]:
+        for path in _along_each(states, asked) if states else ():
+            yield path, times
+
+    with_all = problem.loose.found_at(times, kappa=np.ones(asked.size))
+    may_be_answers = with_all.system.structure.linear
+    states = eigenvectors(at, straight, finer, unit, wanted) if may_be_answers else None
     if states is not None and states.are_answers:
-        yield from along_states
+        yield from along_states(states)
         return
     for k in range(count):
         if k == BEFORE_CONTINUATION:
             yield from _continue(problem, tr, origin, variations)
-            yield from along_states
+            if not may_be_answers:  # they are asked for where the sines have led to nothing
+                states = eigenvectors(at, straight, finer, unit, wanted)
+            yield from along_states(states)
         which, sign = divmod(k, 2)
         amplitudes = np.zeros(len(shapes))
         if which < len(shapes):
