@@ -621,6 +621,21 @@ W = {  # scene: sentences: whether they are so
         "look": lambda s: rising(np.hypot(*np.diff(s.solution(s.joints)))),
         "energies": lambda s: constant(s.H),
     },
+    "beam_on_floor": {
+        "answer": lambda s: (
+            pressed(s)[1]
+            and same(s.solution.contact_force(1.3)[0], s.n["w"])
+            and same(
+                s.solution.contact_impulses[0],
+                s.n["w"] * np.array([s.f["contact_begin"], s.T - s.f["contact_end"]]) / 3,
+            )
+        ),
+        "look": lambda s: (
+            same([s.vy[pressed(s)[0]], s.a[0, pressed(s)[0]]], 0.0)
+            and same(s.a[0, np.abs(s.t - s.f["contact_begin"]) < 0.02], 0.0, 0.1)
+        ),
+        "contact": lambda s: pressed(s)[1] and same(s.y[pressed(s)[0]], 0.0),
+    },
     "clamped_beam": {
         "answer": lambda s: same(5 * s.y.min(), on_supports(s)(1.0)),
         "look": lambda s: (

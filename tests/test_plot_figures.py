@@ -533,3 +533,13 @@ def test_a_slice_goes_as_far_either_way():
     solution = solved("oscillator")
     (mode,) = directions(solution, 1)[1]
     assert plot.slice_data(solution, mode, count=3).alpha.tolist() == [-1, 0, 1]
+
+
+@pytest.mark.long
+def test_impulses_of_contact_are_arrows_with_their_values():
+    floor = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0])
+    ends = ao.Event(0, [1.0], v=[-5.0]), ao.Event(1, [1.0], v=[5.0])
+    ax = plot.contact(ao.solve(ao.Problem(floor, *ends)))
+    (value,) = [text for text in ax.texts if text.get_text().strip()]
+    assert value.get_text().strip() == "48" and value.get_position()[0] == pytest.approx(0.5)
+    assert list(ax.get_yticks()) == [0.0]

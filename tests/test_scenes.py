@@ -100,8 +100,8 @@ def joints(scene):
 
 
 def legs(scene):
-    """Return the times between which the velocity is continuous, (k + 1, 2)."""
-    at = np.r_[scene.problem.start.t, joints(scene), scene.problem.end.t]
+    """Return the times between which all derivatives are continuous, (k + 1, 2)."""
+    at = np.r_[scene.problem.start.t, sorted(kinks(scene)), scene.problem.end.t]
     return np.stack([at[:-1], at[1:]], axis=1)
 
 
@@ -119,12 +119,10 @@ def kinks(scene):
 
 def derivative(scene, curve):
     """Differentiate a curve numerically at `times`."""
-    T = scene.problem.duration
-    ends = [t for arc in touched(scene) for t in (arc.begin, arc.end)]
-    found, t, close = [], times(scene), 1e-9 * T
+    found, t, close = [], times(scene), 1e-9 * scene.problem.duration
     for a, b in legs(scene):
         a, b = a + close * (a > 0), b - close * (b < legs(scene)[-1, 1])
-        mesh = Mesh(np.union1d(np.linspace(a, b, 17), ends), 16)
+        mesh = Mesh.uniform(a, b, 16, 16)
         found.append(Path.interpolate(curve, mesh).velocity(t[(a <= t) & (t <= b)]))
     return np.concatenate(found, axis=1)
 
@@ -173,8 +171,23 @@ def first_variation(scene, exact, velocity):
         terms = np.array([slopes[i] * eta.deriv(i)(t) if i else slopes[0] * eta(t)
                           for i in range(r + 1)]) @ w  # fmt: skip
         size = np.abs(slopes[r] * eta.deriv(r)(t)) @ w
-        worst = max(worst, float(np.max(np.abs(terms.sum(axis=0)) / np.max(size))))
+        left = terms.sum(axis=0) - work_of_contact(scene, exact, eta, t, w)
+        worst = max(worst, float(np.max(np.abs(left) / np.max(size))))
     return worst
+
+
+def work_of_contact(scene, exact, eta, t, w):
+    """Return the work (n,) of the force and the impulses that the facts tell, by a variation."""
+    facts, work = scene.facts, 0.0
+    for arc in touched(scene):
+        ends = np.array([arc.begin, arc.end])
+        at, push = np.r_[t, ends], (arc.begin < t) & (t < arc.end)
+        push = np.r_[
+            push * w * facts["contact_force"], facts["begin_impulse"], facts["end_impulse"]
+        ]
+        G = Held(scene.problem, (arc,)).system.constraint_jacobian(exact(at), at)[0]
+        work = work + G @ (push * eta(at))
+    return work
 
 
 def residual(scene, exact, velocity):
@@ -394,6 +407,10 @@ def exact_stays_outside_of_the_obstacle_which_presses_as_the_facts_say(scene):
     on = (arc.begin < t) & (t < arc.end)
     assert on.sum() > 3 and np.max(np.abs(f[on])) < FORMULA_TOLERANCE
     assert np.min(f[~on]) > FORMULA_TOLERANCE
+    assert scene.facts["contact_force"] > 0
+    if not of_first_order(scene):  # the first variation tells what presses
+        assert min(scene.facts["begin_impulse"], scene.facts["end_impulse"]) > 0
+        return
     (force,) = Held(problem, (arc,)).contact_force(q, v, t, parameters=problem.parameters)
     assert mismatch(force, np.where(on, scene.facts["contact_force"], 0.0)) < FORMULA_TOLERANCE
 
@@ -608,6 +625,8 @@ def test_elliptic_functions_satisfy_their_definitions(k):
         ("chain_on_floor", {"apart": 1.0}, "farther apart than 1.64"),
         ("rope_on_floor", {"apart": 1.0}, "farther apart than 1.82"),
         ("rope_on_floor", {"floor": 0.0}, "above 0"),
+        ("beam_on_floor", {"duration": 1.5}, "farther apart than 1.82"),
+        ("beam_on_floor", {"w": 0.0}, "above 0"),
         ("catenoid", {"d": 1.33}, "beyond which no film"),
     ],
 )

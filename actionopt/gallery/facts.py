@@ -18,7 +18,10 @@ from actionopt.tools.types import Array
 from actionopt.tools.words import number, say
 
 FACT_DIGITS = 10
-CONTACT_NUMBERS = "contact_begin", "contact_end", "contact_force"  # numbers that are compared
+# Numbers that are compared.
+CONTACT_NUMBERS = (
+    "contact_begin", "contact_end", "contact_force", "begin_impulse", "end_impulse",
+)  # fmt: skip
 ZERO_WITHIN = 1e-9  # what is smaller than this part of a size is zero
 
 
@@ -138,15 +141,16 @@ def _joints(s: Subject) -> Rows:
 
 
 def _contact(s: Subject) -> Rows:
-    """Yield the rows of one part in contact, as long as the force is one number."""
+    """Yield the rows of the first part in contact, as long as the force is one number."""
     if not s.touches:
         return
     numbers, (arc, *_) = s.scene.facts.numbers, s.solution.contacts
     force = s.solution.contact_force((arc.begin + arc.end) / 2)[arc.row]
-    for name, found in zip(CONTACT_NUMBERS, (arc.begin, arc.end, float(force)), strict=True):
+    values = arc.begin, arc.end, float(force), *s.solution.contact_impulses[0].tolist()
+    for name, found in zip(CONTACT_NUMBERS, values, strict=True):
         if name in numbers:
-            what, unit = name.replace("_", " "), units.html(units.FACTS[name])
-            yield _numbers(what, numbers[name], found, unit)
+            unit = units.html(units.fact_unit(s.scene.name, name))
+            yield _numbers(say(name.replace("_", " ")), numbers[name], found, unit)
 
 
 def _twin(s: Subject) -> Rows:
@@ -171,7 +175,7 @@ def _others(s: Subject) -> Rows:
     for name, value in s.scene.facts.numbers.items():
         if name in CONTACT_NUMBERS:
             continue
-        unit = units.html(units.FACTS.get(name, ""))
+        unit = units.html(units.fact_unit(s.scene.name, name))
         yield TableRow(
             say(name.replace("_", " ")), f"{number(float(value), FACT_DIGITS)} {unit}", ""
         )

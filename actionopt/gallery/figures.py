@@ -339,8 +339,9 @@ def _motion(s: Subject, figure: Any) -> tuple[str, str]:
 @_kind("The obstacle, and what it presses with", IN_MOTION, UNLESS_TOUCHING, size=(6.4, 6.0))
 def _contact(s: Subject, figure: Any) -> tuple[str, str]:
     plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=s.units)
+    unit = f" {s.units.time}".rstrip()
     parts = ", ".join(
-        say("from {a} to {b} s", a=number(arc.begin, 3), b=number(arc.end, 3))
+        say("from {a} to {b}", a=number(arc.begin, 3), b=f"{number(arc.end, 3)}{unit}")
         for arc in s.solution.contacts
     )
     most = number(float(s.solution.contact_force(s.t).max()), 3)

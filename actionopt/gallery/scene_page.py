@@ -42,6 +42,12 @@ _PART = "<mfrac><mrow><mo>&#x2202;</mo>{}</mrow><mrow><mo>&#x2202;</mo>{}</mrow>
 _Q_DOT = '<mover accent="true"><mi>q</mi><mo>&#x2D9;</mo></mover>'
 _LEFT = _RATE + _PART.format("<mi>L</mi>", _Q_DOT) + "<mo>=</mo>"
 _LEFT += _PART.format("<mi>L</mi>", "<mi>q</mi>")
+_PRESSED = "<mo>&#x2212;</mo><mi>&#x3BD;</mi>" + _PART.format("<mi>f</mi>", "<mi>q</mi>")
+_BENT = (
+    "<mo>+</mo><mfrac><msup><mi>d</mi><mn>2</mn></msup><mrow><mi>d</mi><msup><mi>t</mi>"
+    "<mn>2</mn></msup></mrow></mfrac>"
+    + _PART.format("<mi>L</mi>", _Q_DOT.replace("&#x2D9;", "&#xA8;"))
+)
 LAWS = {  # as MathML, what each equation of motion is an instance of
     which: f'<math display="block" alttext="{alt}"><mrow>{_LEFT}{more}</mrow></math>'
     for which, alt, more in (
@@ -51,20 +57,14 @@ LAWS = {  # as MathML, what each equation of motion is an instance of
             "d/dt dL/dq' = dL/dq + lambda df/dq",
             "<mo>+</mo><mi>&#x3BB;</mi>" + _PART.format("<mi>f</mi>", "<mi>q</mi>"),
         ),
-        (
-            "touching",
-            "d/dt dL/dq' = dL/dq - nu df/dq",
-            "<mo>&#x2212;</mo><mi>&#x3BD;</mi>" + _PART.format("<mi>f</mi>", "<mi>q</mi>"),
-        ),
+        ("touching", "d/dt dL/dq' = dL/dq - nu df/dq", _PRESSED),
         ("forced", "d/dt dL/dq' = dL/dq + Q", "<mo>+</mo><mi>Q</mi>"),
         (
             "bent",
             "d/dt dL/dq' = dL/dq + d^2/dt^2 dL/dq'' - ...",
-            "<mo>+</mo><mfrac><msup><mi>d</mi><mn>2</mn></msup><mrow><mi>d</mi><msup><mi>t</mi>"
-            "<mn>2</mn></msup></mrow></mfrac>"
-            + _PART.format("<mi>L</mi>", _Q_DOT.replace("&#x2D9;", "&#xA8;"))
-            + "<mo>&#x2212;</mo><mo>&#x2026;</mo>",
+            _BENT + "<mo>&#x2212;</mo><mo>&#x2026;</mo>",
         ),
+        ("pressed", "d/dt dL/dq' = dL/dq + d^2/dt^2 dL/dq'' - nu df/dq", _BENT + _PRESSED),
     )
 }
 EQUATIONS_SHOWN = 4  # equations; the others are folded away
@@ -253,11 +253,16 @@ def _principle(s: Subject, words: Texts) -> str:
         "bent": "Of all paths between the two events with the derivatives that are given there, if "
         "any, this one makes the integral of L, in which accelerations count, stationary. For each "
         "coordinate, by Euler and Poisson",
+        "pressed": "Of all paths between the two events that keep outside of the obstacle this one "
+        "makes the integral of L, in which accelerations count, least. Where it lies on it, f = 0, "
+        "the obstacle presses with a force that is not negative, along the gradient of f, and with "
+        "impulses where contact begins and ends. For each coordinate, by Euler and Poisson",
     }
     which = (
         "forced" if s.has_forces else "held" if system.m else "touching" if s.touches else "least"
     )
-    which = "bent" if which == "least" and system.order > 1 else which
+    if system.order > 1:
+        which = {"least": "bent", "touching": "pressed"}.get(which, which)
     more = ""
     if any(e.t is None for e in s.solution.problem.joints[1:-1]):
         more += f"<p>{say(AT_EVENTS)}</p>"

@@ -33,6 +33,7 @@ SCENE_UNITS = {
     "descent_through_gate": {"h": "m"},
     "rope_of_length": {"h": "m"},
     "rope_on_floor": {"h": "m", "floor": "m"},
+    "beam_on_floor": {"B": "N m^2", "w": "N/m"},
     "string_to_wall": {"far": "m", "lean": "rad"},
     "smoothest_way": {"apart": "m", "high": "m", "low": "m"},
     "clamped_beam": {"B": "N m^2", "f": "N/m"},
@@ -50,13 +51,19 @@ FACTS = {
     "contact_force": "m/s^2", "direct_length": "m", "mirage_length": "m",
     "foot": "m", "optical_length": "m", "turning": "rad", "bow": "rad", "caustic": "m",
     "joachimsthal": "m^2", "spread": "m", "leap": "s", "cart_energy": "J", "radius": "m",
-    "rope_length": "m", "volume": "m^3",
+    "rope_length": "m", "volume": "m^3", "begin_impulse": "N", "end_impulse": "N",
 }  # fmt: skip
+SCENE_FACTS = {"beam_on_floor": {"contact_begin": "m", "contact_end": "m", "contact_force": "N/m"}}
 
 
 def unit(scene: str, parameter: str) -> str:
     """Return the unit of a scene's parameter, as text; nothing for a pure number."""
     return SCENE_UNITS.get(scene, {}).get(parameter, PARAMETER_UNITS.get(parameter, ""))
+
+
+def fact_unit(scene: str, name: str) -> str:
+    """Return the unit of one of the numbers of a scene's facts, as text."""
+    return SCENE_FACTS.get(scene, {}).get(name, FACTS.get(name, ""))
 
 
 def html(unit: str) -> str:

@@ -28,6 +28,7 @@ BADGE: Any = {"boxstyle": "circle,pad=0.2", "edgecolor": style.GREY}
 AXES_REACH = np.array([-0.8, 0.8])
 OBSTACLE = 200  # points along each axis where an obstacle is asked: half a line's width apart
 LARGEST_IMPULSE = 0.15  # of the picture's size, the largest impulse; ad hoc
+TALLEST_IMPULSE = 1.25  # of the largest contact force, and of the axis over that; ad hoc
 BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 
 
@@ -157,6 +158,7 @@ def _surfaces_of(solution: Solution) -> list[tuple[Callable[[Array, Array], Arra
 def contact(solution: Solution, ax: Axes | None = None, *, units: UnitNames = NO_UNITS) -> Axes:
     """Draw the contact force nu of each row of an obstacle against time.
 
+    Arrows are impulses, with their values; the largest is a little taller than the largest force.
     Raises ValueError for a system without an obstacle.
     """
     t = times(solution)
@@ -167,11 +169,29 @@ def contact(solution: Solution, ax: Axes | None = None, *, units: UnitNames = NO
     for i, row in enumerate(force):
         what = r"$\nu$" if len(force) == 1 else rf"$\nu_{{{i}}}$"
         ax.plot(t, row, **{**style.PATH, "linewidth": 2.0}, **style.strand(i), label=what)
+    _draw_contact_impulses(ax, solution, TALLEST_IMPULSE * (force.max() or 1.0))
+    if solution.contacts and not force.any():  # impulses alone, whose height has no unit
+        ax.set_yticks([0.0])
     ax.set(xlabel=label(units.clock, units.time), ylabel=label(r"contact force $\nu$"))
     ax.margins(x=0)
     if len(force) > 1:
         style.legend(ax)
     return ax
+
+
+def _draw_contact_impulses(ax: Axes, solution: Solution, height: float) -> None:
+    """Draw the impulses of an obstacle as arrows, the largest of a height, with their values."""
+    impulses, arrow = solution.contact_impulses, {"arrowstyle": "-|>", "color": style.ink()}
+    largest = impulses.max(initial=0.0)
+    for arc, pair in zip(solution.contacts, impulses, strict=True):
+        beside = ("center", "center") if arc.point else ("right", "left")
+        for x, impulse, place in zip((arc.begin, arc.end), pair, beside, strict=True):
+            if impulse > 0:
+                top = height * impulse / largest
+                ax.annotate("", (x, top), (x, 0.0), arrowprops={**arrow, "shrinkA": 0})
+                ax.text(x, top, f" {number(float(impulse), 3)} ", ha=place, va="bottom")
+    if largest:
+        ax.set_ylim(top=TALLEST_IMPULSE * height)
 
 
 @style.styled
