@@ -564,8 +564,13 @@ class Problem:
     def instants(self) -> tuple[Instant, ...]:
         """The instants at which L, f or Q switch by the clock: a branch in t alone."""
         clock = self.system.clock
-        ends = self.start.t, self.end.t
-        return () if clock is None else instants(clock, *ends, self.packed)
+        if clock is None:
+            return ()
+        if self.laws and all(law.clock is None for law in self.laws):  # known without bisection
+            times = self.parameters[SWITCHES]
+            before, after = (np.nextafter(times, way).tolist() for way in (-np.inf, np.inf))
+            return tuple(zip(before, after, strict=True))
+        return instants(clock, self.start.t, self.end.t, self.packed)
 
     @cached_property
     def singular_ends(self) -> tuple[int, int]:
