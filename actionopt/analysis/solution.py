@@ -237,7 +237,7 @@ class Solution:
             if problem.system.order > 1:
                 ends = [Event.of_places(float(mesh.nodes[k]), places[k], n) for k in (a, b)]
             if problem.integral is not None:
-                system = problem.system
+                system = system.with_multipliers if problem.laws else problem.system
             given = {k: x for k, x in problem.parameters.items() if k in system.table.shapes}
             part = Problem(system, *ends, parameters=given)
             known, kept = DiscretePath.of(part, leg), None

@@ -66,8 +66,10 @@ def onto(
     if not free.size:
         return q
     kept = np.ones((len(q), system.m), dtype=bool)
+    # Times at which laws take turns may be to be found; they are in no constraint.
+    parameters = {name: np.nan_to_num(x) for name, x in problem.parameters.items()}
     if outside:
-        kept = system.constraint(q.T, t, parameters=problem.parameters).T < 0
+        kept = system.constraint(q.T, t, parameters=parameters).T < 0
         kept[:, : problem.system.m] = True
     found, left = np.full(q.shape, np.nan), np.arange(len(q))
     for k in range(LONGEST_WAY):
@@ -79,8 +81,8 @@ def onto(
             rows, by_q, _ = event.on.along(q[left], t[left], problem.packed)
             mine = np.ones(rows.shape, dtype=bool)
         if system.m:
-            f = system.constraint(*state, parameters=problem.parameters).T
-            G = system.constraint_jacobian(*state, parameters=problem.parameters)
+            f = system.constraint(*state, parameters=parameters).T
+            G = system.constraint_jacobian(*state, parameters=parameters)
             rows, by_q = np.hstack([rows, f]), np.hstack([by_q, np.moveaxis(G, 2, 0)])
             mine = np.hstack([mine, kept[left]])
         rows = np.where(mine, rows, 0.0)

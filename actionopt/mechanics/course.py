@@ -23,17 +23,20 @@ import numpy as np
 
 from actionopt.mechanics.canonical import jet_of, rate_of
 from actionopt.mechanics.events import RATES, Bounce, Event, Periodic
+from actionopt.mechanics.identity import general_points, vanishes
 from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_surface
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import STATE, SWITCHES
+from actionopt.mechanics.tracing import STATE, SWITCHES, Symbols
 from actionopt.tools.types import Array
 
 
 def take_turns(systems: Sequence[Any]) -> System:
     """Return the system whose law is that of each leg in turn, by the times `SWITCHES`.
 
+    Its Lagrangian, forces and integrals; constraints and obstacles are the same on all legs.
     Parameters of one name and one default value are one; of others each leg keeps its own value.
-    Raises ValueError where the systems have not the same coordinates, or more than a Lagrangian.
+    Raises ValueError where the systems differ in coordinates, constraints, obstacles or the number
+    of integrals.
     """
     for system in systems:
         if not isinstance(system, System):
@@ -45,11 +48,11 @@ def take_turns(systems: Sequence[Any]) -> System:
                 "expected systems of the same coordinates on all legs, found "
                 f"{', '.join(systems[0].coordinates)} and {', '.join(system.coordinates)}"
             )
-        if len(set(systems)) > 1 and (system.m or system.r or system.structure.forced):
+        if system.g.numel() != systems[0].g.numel():
             raise ValueError(
-                "expected a Lagrangian alone where the legs have laws of their own, found a "
-                "constraint, an obstacle or a force: these are not known to take turns; use one "
-                "system for all legs"
+                "expected as many integrals on all legs, found "
+                f"{systems[0].g.numel()} and {system.g.numel()}: each is one along the whole path; "
+                "have one that is zero where nothing counts"
             )
     if len(set(systems)) == 1:
         return systems[0]
@@ -64,20 +67,37 @@ def take_turns(systems: Sequence[Any]) -> System:
             shared.setdefault(name, value)
     kept = {name: value for name, value in shared.items() if name not in own}
 
-    def build(q: ca.SX, v: ca.SX, t: ca.SX, named: dict[str, ca.SX], ends: ca.SX) -> ca.SX:
-        def law(system: System) -> ca.SX:
+    def build(s: Symbols, named: dict[str, ca.SX], ends: ca.SX) -> tuple[ca.SX, ...]:
+        laws = []
+        for system in systems:
             values = [
                 named[name] if name in kept else ca.SX(ca.DM(value.reshape(-1)))
                 for name, value in system.table.defaults.items()
             ]
-            return system.lagrangian_of(q, v, t, ca.vertcat(*values))
-
-        found = law(systems[-1])
-        for k, system in reversed(list(enumerate(systems[:-1]))):
-            found = ca.if_else(t < ends[k], law(system), found)
+            laws.append(system.laws_of(s.q, s.v, s.t, ca.vertcat(*values)))
+        _check_alike([ca.vertcat(law[1], law[3]) for law in laws], s)
+        found = laws[-1]
+        for k, law in reversed(list(enumerate(laws[:-1]))):
+            turns = [ca.if_else(s.t < ends[k], x, y) for x, y in zip(law, found, strict=True)]
+            found = turns[0], law[1], turns[2], law[3], turns[4]
         return found
 
     return System.assemble(systems, build, {**kept, SWITCHES: np.zeros(len(systems) - 1)})
+
+
+def _check_alike(rows: Sequence[ca.SX], s: Symbols) -> None:
+    """Raise ValueError where the rows of constraints and obstacles differ from leg to leg."""
+    first, *others = rows
+    points = general_points(s.q.numel() + s.t.numel() + s.p.numel())
+    parts = np.split(points, np.cumsum([s.q.numel(), 1]), axis=1)
+    for other in others:
+        alike = other.shape == first.shape
+        terms = ca.horzcat(other, -first) if alike else None
+        if not alike or (first.numel() and not vanishes(terms, [s.q, s.t, s.p], parts)):
+            raise ValueError(
+                "expected the same constraints and obstacles on all legs, found others: where legs "
+                "meet a path would have to keep both; give all of them the same"
+            )
 
 
 def check_course(problem: Any) -> tuple[Event, ...]:

@@ -494,18 +494,19 @@ class System(NumericLaws):
         system._set(symbols, laws, self.coordinates, table, self.name, self.source, self.loaded)
         return system
 
-    def lagrangian_of(self, q: ca.SX, v: ca.SX, t: ca.SX, packed: ca.SX) -> ca.SX:
-        """Return L of expressions, the parameters packed in one column."""
-        return ca.densify(self._law.call([q, v, t, packed])[0])
+    def laws_of(self, q: ca.SX, v: ca.SX, t: ca.SX, packed: ca.SX) -> tuple[ca.SX, ...]:
+        """Return L, f, Q, obstacle and g of expressions, the parameters packed in one column."""
+        found = [ca.densify(x) for x in self._law.call([q, v, t, packed])[:5]]
+        return *found, *[ca.SX(0, 1)] * (5 - len(found))
 
     @classmethod
     def assemble(
         cls,
         systems: Sequence[System],
-        law: Callable[..., ca.SX],
+        law: Callable[..., tuple[ca.SX, ...]],
         parameters: Mapping[str, ArrayLike],
     ) -> System:
-        """Return a system of the same coordinates with L = law(q, v, t, named, last).
+        """Return a system of the same coordinates whose laws are law(symbols, named, last).
 
         `named` holds the parameters' columns by name but for that of the last one, `last`.
         """
@@ -516,8 +517,7 @@ class System(NumericLaws):
             sizes = np.cumsum([0, *(math.prod(shape) for shape in table.shapes.values())])
             columns = [symbols.p[a:b] for a, b in pairwise(sizes.tolist())]
             named = dict(zip(table.shapes, columns, strict=True))
-            L = law(symbols.q, symbols.v, symbols.t, named, columns[-1])
-            laws = L, ca.SX(0, 1), ca.SX(*first.Q.shape)
+            laws = law(symbols, named, columns[-1])
             system._set(symbols, laws, first.coordinates, table, first.name, first.source)
             return system
 

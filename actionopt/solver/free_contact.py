@@ -174,7 +174,9 @@ def _through_given(
     events = problem.start, problem.end
     given = {"parameters": problem._given_parameters, "integral": problem.integral}
     known = given | {"through": problem.through, "energy": problem.energy}
-    plain = Problem((problem.plain or problem.system).without_obstacle, *events, **known)
+    laws = tuple(law.without_obstacle for law in problem.laws)
+    question = laws or (problem.plain or problem.system).without_obstacle
+    plain = Problem(question, *events, **known)
     tried = 0
     for path, times in islice(ways(), MOST_WAYS):
         places, asked = path(times).T, problem.found_at(times)
