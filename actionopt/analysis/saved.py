@@ -137,7 +137,7 @@ class Detached:
         if about.get("tails") is not None:  # an older file has none
             ends = [
                 e if tail is None else _edge(e.t, *tail)
-                for e, tail in zip(self.joints_found, about["tails"], strict=True)
+                for e, tail in zip((self.start, self.end), about["tails"], strict=True)
             ]
             self.start, self.end = ends
         if about["advance"] is not None:

@@ -74,7 +74,10 @@ class BranchPoint:
 
 def switches_of(problem: Problem) -> tuple[Instant, ...]:
     """Return where elements are to end: where laws switch by the clock, at pulses and events."""
-    return problem.instants if problem.has_tails else problem.boundaries
+    if problem.has_tails:  # not where a phase is set
+        events = ((e.t, e.t) for e in problem.through)
+        return tuple(sorted((*problem.instants, *events)))
+    return problem.boundaries
 
 
 @dataclass(eq=False)

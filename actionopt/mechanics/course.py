@@ -256,10 +256,11 @@ def check_rates_on_constraints(problem: Any) -> None:
 def _refuse(problem: Any, unknown: bool) -> None:
     """Raise ValueError for what does not go with events between the ends."""
     system = problem.system
-    if problem.is_infinite:
+    if problem.leads_to_rest and (unknown or problem.laws):
         raise ValueError(
-            "expected finite times of a path through events, found an infinite one; give both ends "
-            "finite times"
+            "expected one system, and events between the ends at given times and places, where an "
+            "end lies at infinite time, found others: a path that comes from rest may do so at any "
+            "time, and rests of one law alone; give times and coordinates, or finite times"
         )
     if system.r and any(isinstance(event, Bounce) for event in problem.through):
         raise ValueError(

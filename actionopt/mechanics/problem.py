@@ -522,7 +522,7 @@ class Problem:
     @property
     def is_shifted(self) -> bool:
         """Whether each path may be shifted in time at will, and nothing chooses one of them."""
-        timed = self.system.structure.depends_on_time
+        timed = self.system.structure.depends_on_time or self.through
         return bool(self.start.side and self.end.side) and not timed and self.start.phase is None
 
     @property

@@ -141,12 +141,14 @@ def first_window(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> W
         curve = None
     phase = None
     if all(infinite) and not timed:
-        if whole.system.structure.forced:
+        if whole.system.structure.forced and not whole.through:
             raise ValueError(
                 "expected a clock, or one event of finite time, with non-conservative forces, "
                 "found both at infinite times: these change the energy on the way, and a path "
                 "leads from rest to rest at single values of a parameter only"
             )
+        _check_energies(whole, t0, t1)
+    if all(infinite) and not timed and not whole.through:  # events tell when it passes them
         phase, shift = _phase(whole, curve, t0, t1)
         if curve is not None and shift:
             inner = curve
@@ -385,6 +387,8 @@ def _reach(whole: Problem, event: Event, other: Event, folds: float, curve: Any)
     """
     side = 1 if event.t > 0 else -1
     origin = 0.0 if np.isinf(other.t) else other.t
+    if whole.through:  # the last event before the rest
+        origin = whole.through[-1 if side > 0 else 0].t
     t, q = origin + side, _place(event)
     for _ in range(3 if whole.system.structure.depends_on_time else 1):  # rates may, a little
         known = rest(whole.system, whole.packed, q, t, side)
@@ -450,11 +454,7 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
 
     Half way between two equilibria; of one, half way to where a guess is farthest from it.
     """
-    system, packed = whole.system, whole.packed
-    rests = [
-        rest(system, packed, _place(e), t, side)
-        for e, t, side in ((whole.start, t0, -1), (whole.end, t1, 1))
-    ]
+    rests = _rests(whole, t0, t1)
     metric = _metric(rests)
     apart = rests[1].q - rests[0].q
     t, values = np.linspace(t0, t1, LOOKED_AT), None
@@ -467,14 +467,6 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
         apart = eta[:, int(np.argmax(np.einsum("nk,nm,mk->k", eta, metric, eta)))]
         if not np.any(apart):
             return None, 0.0
-    else:
-        need = float(apart @ metric @ apart) * max(rests[0].slow, rests[1].slow)
-        if abs(rests[0].lagrangian - rests[1].lagrangian) > MERGED * need:
-            raise ValueError(
-                "expected two equilibria of one energy, as L does not contain t, found "
-                f"{-rests[0].lagrangian:.10g} and {-rests[1].lagrangian:.10g}: no path leads from "
-                "rest at one to rest at the other; change the potential, or an event"
-            )
     phase = _plane(metric, rests[0].q + apart / 2, apart)
     shift = 0.0
     if values is not None:
@@ -483,6 +475,28 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
         k = passed[0] if passed.size else 0
         shift = float(t[k])
     return phase, shift
+
+
+def _check_energies(whole: Problem, t0: float, t1: float) -> None:
+    """Raise ValueError where two equilibria differ in energy, and L does not contain t."""
+    before, after = _rests(whole, t0, t1)
+    apart = after.q - before.q
+    need = float(apart @ _metric((before, after)) @ apart) * max(before.slow, after.slow)
+    if abs(before.lagrangian - after.lagrangian) > MERGED * need and not _same(before.q, after.q):
+        raise ValueError(
+            "expected two equilibria of one energy, as L does not contain t, found "
+            f"{-before.lagrangian:.10g} and {-after.lagrangian:.10g}: no path leads from "
+            "rest at one to rest at the other; change the potential, or an event"
+        )
+
+
+def _rests(whole: Problem, t0: float, t1: float) -> tuple[Rest, Rest]:
+    """Return the equilibria at both ends of a window."""
+    system, packed = whole.system, whole.packed
+    return (
+        rest(system, packed, _place(whole.start), t0, -1),
+        rest(system, packed, _place(whole.end), t1, 1),
+    )
 
 
 def _metric(rests: Sequence[Rest | None]) -> Array:
