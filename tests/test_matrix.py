@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 import systems
+from pairs import KNOWN, Pairs, ask, check
 
 import actionopt as ao
 
@@ -28,53 +29,11 @@ FEATURES = (
     "integral",
     "accelerations",
 )
-SOLVED, REFUSED = {}, {}
+TABLE = Pairs(FEATURES)
+pair, solves, refuses, named = TABLE, TABLE.solves, TABLE.refuses, TABLE.named
+SOLVED, REFUSED = TABLE.solved, TABLE.refused
 MESH = ao.Mesh.uniform(0, 1, 4, 8)
 INF = np.inf
-KNOWN = 1e-7  # how near an answer is to the known one
-
-
-def pair(*names):
-    assert set(names) <= set(FEATURES)
-    return frozenset(names)
-
-
-def solves(*names):
-    """Enter a function into the table that asks a question of both kinds, and checks the answer."""
-
-    def entered(function):
-        assert pair(*names) not in SOLVED
-        SOLVED[pair(*names)] = function
-        return function
-
-    return entered
-
-
-def refuses(*names, says, because):
-    """Enter a function that asks a question which is refused with words, `because` of mechanics."""
-
-    def entered(function):
-        assert because and pair(*names) not in REFUSED
-        REFUSED[pair(*names)] = function, says
-        return function
-
-    return entered
-
-
-def check(problem, *curves, T=1.0, action=None, **options):
-    """Solve, and compare coordinates with functions of the time, the duration and the action."""
-    sol = ao.solve(problem, **options)
-    assert sol.duration == pytest.approx(T, rel=KNOWN)
-    t = np.linspace(0, 1, 41) * sol.duration
-    for x, known in zip(sol(t + sol.problem.start.t), curves, strict=True):
-        assert x == pytest.approx(known(t), abs=KNOWN)
-    if action is not None:
-        assert sol.action == pytest.approx(action, rel=KNOWN)
-    return sol
-
-
-def ask(system, start, end, T=1.0, **more):
-    return ao.Problem(system, ao.Event(0, start), ao.Event(T, end), **more)
 
 
 # -- systems ---------------------------------------------------------------------------------------
@@ -1014,10 +973,6 @@ def _():
 NOT_ASKED = {pair(a, b) for a in ("mesh", "ipopt") for b in ("trace", "sweep")} | {
     pair("trace", "sweep")
 }
-
-
-def named(entry):
-    return " x ".join(sorted(entry, key=FEATURES.index))
 
 
 def test_every_pair_is_in_the_table():

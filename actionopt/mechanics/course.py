@@ -67,6 +67,8 @@ def take_turns(systems: Sequence[Any]) -> System:
             shared.setdefault(name, value)
     kept = {name: value for name, value in shared.items() if name not in own}
 
+    forced = any(system.structure.forced for system in systems)
+
     def build(s: Symbols, named: dict[str, ca.SX], ends: ca.SX) -> tuple[ca.SX, ...]:
         laws = []
         for system in systems:
@@ -74,7 +76,9 @@ def take_turns(systems: Sequence[Any]) -> System:
                 named[name] if name in kept else ca.SX(ca.DM(value.reshape(-1)))
                 for name, value in system.table.defaults.items()
             ]
-            laws.append(system.laws_of(s.q, s.v, s.t, ca.vertcat(*values)))
+            L, f, Q, *others = system.laws_of(s.q, s.v, s.t, ca.vertcat(*values))
+            none = forced and not Q.numel()
+            laws.append((L, f, ca.SX.zeros(len(system.coordinates)) if none else Q, *others))
         _check_alike([ca.vertcat(law[1], law[3]) for law in laws], s)
         found = laws[-1]
         for k, law in reversed(list(enumerate(laws[:-1]))):
@@ -92,8 +96,9 @@ def _check_alike(rows: Sequence[ca.SX], s: Symbols) -> None:
     parts = np.split(points, np.cumsum([s.q.numel(), 1]), axis=1)
     for other in others:
         alike = other.shape == first.shape
-        terms = ca.horzcat(other, -first) if alike else None
-        if not alike or (first.numel() and not vanishes(terms, [s.q, s.t, s.p], parts)):
+        if alike and first.numel():
+            alike = vanishes(ca.horzcat(other, -first), [s.q, s.t, s.p], parts)
+        if not alike:
             raise ValueError(
                 "expected the same constraints and obstacles on all legs, found others: where legs "
                 "meet a path would have to keep both; give all of them the same"
