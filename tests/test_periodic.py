@@ -203,6 +203,16 @@ def steady():
 
 
 @pytest.mark.long
+def test_an_orbit_without_a_clock_is_followed_by_its_period():
+    """A pendulum of the amplitude 2 swings in T = 4 K(sin^2 1), with the energy -cos 2."""
+    asked = ao.Problem(systems.pendulum(), ao.Event(0.0, [0.0]), Periodic(8.0))
+    T = 4 * ellipk(np.sin(1.0) ** 2)
+    family = ao.trace(asked, "t1", T, guess=lambda t: [1.9 * np.sin(np.pi * t / 4)], count=False)
+    assert family.values[-1] == T
+    assert family.solution(-1).energy(0.0) == pytest.approx(-np.cos(2.0), abs=1e-8)
+
+
+@pytest.mark.long
 def test_a_closed_path_stays_closed_along_a_family(steady):
     for vary, to in (("k", 6.0), ("t1", 3.9), ("t0", 0.2)):
         family = ao.trace(steady.problem, vary, to, count=False)

@@ -77,7 +77,8 @@ class Bordered:
         self.reach = 1.0
         self._last: Transcription | None = self.first
         self._times_of: tuple[bytes, Gradient] | None = None  # of the last residual
-        self._beside = b""  # the unknowns beside the path, and before the forces, of the last
+        # The unknowns beside the path, and before the forces, of the last; None if there is no last.
+        self._beside: bytes | None = b""
         self._like: Transcription | None = self.first
 
     @classmethod
@@ -146,7 +147,8 @@ class Bordered:
                 border = replace(border, values=np.array(asked.integral))
             borders.append(border)
         other = Bordered(asked, self.first, tuple(borders))
-        other._last, other._like, other.reach = None, None, self.reach
+        other._last = other._like = other._beside = None
+        other.reach = self.reach
         return other
 
     def around_another(self, tr: Transcription) -> Bordered:
