@@ -183,7 +183,7 @@ MANY: dict[str, tuple[Callable[[Any], dict], Callable[..., Any], tuple[int, ...]
     ),
     "point of a trace, lattice": (
         many.lattice,
-        lambda problem: ao.trace(problem, "beta", 1.5, tol=TOL).values,
+        lambda problem, guess=None: ao.trace(problem, "beta", 1.5, guess=guess, tol=TOL).values,
         (1, 4, 10, 20),
     ),
     "point of a trace, chain": (
@@ -196,11 +196,12 @@ MANY: dict[str, tuple[Callable[[Any], dict], Callable[..., Any], tuple[int, ...]
 
 
 def several(what: str, n: int) -> dict:
-    """Measure one of many paths, beside a solve from its neighbour."""
+    """Measure one of many paths, beside a solve from its neighbour; a trace is given its first."""
     ask, work, _ = MANY[what]
     asked = ask(n)
-    near, parts = ao.solve(**asked, tol=TOL), len(work(**asked))
-    near = {"problem": asked["problem"], "guess": near}
+    near = {"problem": asked["problem"], "guess": ao.solve(**asked, tol=TOL)}
+    asked = near if what.startswith("point") else asked
+    parts = len(work(**asked))
     return row(lambda: ao.solve(**near, tol=TOL), lambda _: work(**asked), parts)
 
 

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.arclength import BranchPoint
+from actionopt.discrete.arclength import Branch, BranchPoint
 from actionopt.families.marks import Step, locate
 from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
 from actionopt.families.vary import slope, with_values
@@ -186,6 +186,15 @@ def test_roots_along_a_branch(function, root):
     line = Line()
     found = locate(line, line.here, 1.0, function, 0.0)
     assert found.s == pytest.approx(root, abs=1e-11)
+
+
+def test_a_step_is_no_longer_than_the_branch_is_straight():
+    """What it turns by tells how far its tangent leads astray: farther away is another branch."""
+    near = ao.solve(systems.bratu(3.3))
+    branch = Branch(systems.bratu, near.path.mesh, (), near.discrete.tr.lengths, 3.0)
+    here = branch.first(branch.first_unknowns(near.path, None, 3.3), 3.3, 1.0)
+    assert branch.step(here, 0.1) is not None
+    assert branch.step(here, 0.2) is None
 
 
 def test_where_no_index_can_be_counted_the_trace_says_what_to_do():

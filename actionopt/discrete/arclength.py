@@ -14,10 +14,11 @@ s relative to its range.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,6 +44,10 @@ CORRECTIONS = 6  # of Newton's method: a step that takes more was too long
 LAST_CORRECTION = 1e-9
 # Step in s, relative to its range, for dr/ds: near EPS^(1/3), as central differences ask.
 DIFFERENCE = 1e-6
+STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): short enough
+# How far a branch that turns evenly by this angle is from its tangent, in parts of the step:
+# farther away another branch may be found. Derived.
+BEND = 0.5 * math.acos(STRAIGHT_STEP)
 # How far on dr/ds serves for the direction of a branch, which it turns by the square: ad hoc.
 SAME_SLOPE = 1e-3
 RUNAWAY_SIZE = 1e4  # coordinates this many times their size are no path worth following
@@ -70,6 +75,18 @@ class BranchPoint:
     def path(self) -> Path:
         """The path there."""
         return self.at.path
+
+
+class _Corrected(NamedTuple):
+    """Where Newton's method leads: (z, s), equations, and corrections.
+
+    With the factors of the last one, or None if its dr/ds was that of another point.
+    """
+
+    y: Array
+    tr: Discrete
+    count: int
+    factors: Factors | None
 
 
 def switches_of(problem: Problem) -> tuple[Instant, ...]:
@@ -114,7 +131,6 @@ class Branch:
     arcs: tuple[Arc, ...] = ()
     like: Transcription | None = None
     bordered: Bordered | ContactEquations | None = None  # where more than the path is to be found
-    factors: Factors | None = None  # of a matrix before, from which solutions may be refined
     slope: tuple[Array, Array] | None = None  # dr/ds (size,), and where it was taken
     solves: int = 0  # linear systems so far
 
@@ -159,46 +175,47 @@ class Branch:
     def step(self, point: BranchPoint, length: float) -> tuple[BranchPoint, int] | None:
         """Return the point at about `length` further along and the corrections it took, or None."""
         y = np.r_[point.z, point.s] + length * point.direction
-        found = self._correct(y, point.direction, CORRECTIONS)
-        if found is None or not np.abs(found[0][: found[1].layout.unknowns]).max() < RUNAWAY_SIZE:
+        found = self._correct(y, point.direction, CORRECTIONS, BEND * length)
+        if found is None or not np.abs(found.y[: found.tr.layout.unknowns]).max() < RUNAWAY_SIZE:
             return None
-        y, _, count = found
         # The last transcription belongs to the s before the last, tiny correction.
-        there = BranchPoint(self.at(float(y[-1])), y[:-1], float(y[-1]), point.direction)
-        complete = self._complete(there)
-        return None if complete is None else (complete, count)
+        s = float(found.y[-1])
+        there = BranchPoint(self.at(s), found.y[:-1], s, point.direction)
+        complete = self._complete(there, found)
+        return None if complete is None else (complete, found.count)
 
     def to(self, point: BranchPoint, s: float) -> BranchPoint | None:
         """Return the point at exactly s, near `point`, by Newton's method there; or None."""
         z = point.z
         if point.direction[-1]:
             z = z + (s - point.s) / point.direction[-1] * point.direction[:-1]
-        found = self._correct(np.r_[z, s], np.r_[np.zeros(z.size), 1.0], CORRECTIONS + 2)
+        found = self._correct(np.r_[z, s], np.r_[np.zeros(z.size), 1.0], CORRECTIONS + 2, np.inf)
         if found is None:
             return None
-        return self._complete(BranchPoint(found[1], found[0][:-1], s, point.direction))
+        return self._complete(BranchPoint(found.tr, found.y[:-1], s, point.direction), found)
 
-    def _correct(self, y: Array, row: Array, most: int) -> tuple[Array, Discrete, int] | None:
-        """Return the point (z, s) across a row (size + 1,), its equations, and the corrections.
+    def _correct(self, y: Array, row: Array, most: int, first: float) -> _Corrected | None:
+        """Return the point (z, s) across a row (size + 1,) to which Newton's method leads.
 
-        Newton's method finds it; None if that takes more than `most` steps, or does not contract.
+        None if that takes more than `most` steps, a longer first one, or does not contract.
         """
-        last, tr = np.inf, self.at(float(y[-1]))
+        last, tr = 2 * first, self.at(float(y[-1]))
         before, self.slope = self.slope, None
         with np.errstate(all="ignore"):
             for k in range(1, most + 1):
                 # The first step needs no slope of its own: s hardly changes across the branch.
                 slope = before[0] if before and k == 1 else self._slope(tr, y)
-                right = np.r_[tr.residual(y[:-1]), 0.0]
-                change = self._solve(self._factorize(tr, y, row, slope), right)
-                if change is None:
+                try:
+                    factors = self._factorize(tr, y, row, slope)
+                    change = factors.solve(np.r_[tr.residual(y[:-1]), 0.0])
+                except np.linalg.LinAlgError:
                     return None
                 size = self._size(tr, change)
                 if not np.isfinite(size) or size > max(0.5 * last, LAST_CORRECTION):
                     return None
                 y, last = y - change, size
                 if size < LAST_CORRECTION:
-                    return y, tr, k
+                    return _Corrected(y, tr, k, factors if self.slope else None)
                 if row[:-1].any():  # else s is given
                     tr = self.at(float(y[-1]))
         return None
@@ -213,11 +230,11 @@ class Branch:
             times = np.append(times, change[own.times_border[1]])
         return max(size, float(np.abs(times).max(initial=0.0)))
 
-    def _complete(self, point: BranchPoint) -> BranchPoint | None:
+    def _complete(self, point: BranchPoint, found: _Corrected) -> BranchPoint | None:
         """Return the point with the branch's direction; None where a part in contact is gone."""
         if self.arcs and not np.isfinite(point.tr.residual(point.z)).all():
             return None
-        return replace(point, direction=self._direction(point))
+        return replace(point, direction=self._direction(point, found.factors))
 
     def norm(self, tr: Discrete, change: Array) -> float:
         """Return the length of a change (dz, ds); multipliers do not count."""
@@ -232,15 +249,23 @@ class Branch:
         cut = tr.layout.unknowns
         return float(a[:cut] @ b[:cut] / max(cut, 1) + a[-1] * b[-1] / self.range**2)
 
-    def _direction(self, point: BranchPoint) -> Array:
-        """Return the unit vector along the branch, on the side of the point's own direction."""
-        right = np.r_[np.zeros(point.z.size), 1.0]
+    def _direction(self, point: BranchPoint, factors: Factors | None = None) -> Array:
+        """Return the unit vector along the branch, on the side of the point's own direction.
+
+        By the factors of a bordered matrix there, if they are known.
+        """
         y = np.r_[point.z, point.s]
-        slope = self._slope(point.tr, y)
-        found = self._solve(self._factorize(point.tr, y, point.direction, slope), right)
-        if found is None or not np.all(np.isfinite(found)):
+        try:
+            if factors is None:
+                slope = self._slope(point.tr, y)
+                factors = self._factorize(point.tr, y, point.direction, slope)
+            found = factors.solve(np.r_[np.zeros(point.z.size), 1.0])
+        except np.linalg.LinAlgError:
             return point.direction
-        return found / self.norm(point.tr, found)
+        if not np.all(np.isfinite(found)):
+            return point.direction
+        size = self.norm(point.tr, found)
+        return found / math.copysign(size, self.inner(point.tr, found, point.direction))
 
     def _beside(self, s: float, h: float) -> tuple[float, Discrete]:
         """Return s + h and the equations there, or those at s where there is no question beyond."""
@@ -259,30 +284,13 @@ class Branch:
             self.slope = known = column, y
         return known[0]
 
-    def _factorize(self, tr: Discrete, y: Array, row: Array, slope: Array) -> Factors | None:
+    def _factorize(self, tr: Discrete, y: Array, row: Array, slope: Array) -> Factors:
         """Factorize the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch.
 
-        None if it is singular.
+        Raises numpy.linalg.LinAlgError if it is singular.
         """
         self.solves += 1
         z, cut = y[:-1], tr.layout.unknowns
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
-        known = self.factors
         edges = slope[:, None], last[None, :-1], last[-1:, None]
-        with suppress(np.linalg.LinAlgError):
-            layout, nonzeros = border_matrix(tr.layout, tr.kkt(z), *edges)
-            same = known is not None and known.layout is layout and not layout.small
-            return known.near(nonzeros) if known and same else Factors(layout, nonzeros)
-        return None
-
-    def _solve(self, factors: Factors | None, right: Array) -> Array | None:
-        """Solve for one right-hand side, (size + 1,), and keep the factors; None if singular."""
-        if factors is None:
-            return None
-        try:
-            found = factors.solve(right)
-        except np.linalg.LinAlgError:
-            return None
-        if not factors.is_refined:
-            self.factors = factors
-        return found
+        return Factors(*border_matrix(tr.layout, tr.kkt(z), *edges))

@@ -480,7 +480,6 @@ class _Edged:
         held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
         self._held = K = K + size * held
         self._factors = SparseFactors(inner, K) if inner.needs_no_pivoting else None
-        self._inner = self._factors.solve if self._factors else partial(_solver(inner, "qr"), K)
         E, self._springs = np.zeros((n, springs.size)), springs.size
         E[springs, np.arange(springs.size)] = 1.0
         beside = np.concatenate([R, -size * E], axis=1)
@@ -488,15 +487,22 @@ class _Edged:
         corner = np.zeros((len(self._across), len(self._across)))
         corner[: len(D), : len(D)] = D
         corner[len(D) :, len(D) :] = -np.eye(springs.size)
-        self._carried = np.stack([self._inner(column) for column in beside.T], axis=1)
+        self._carried = self._solve_inner(beside)
         self._corner = corner - self._across @ self._carried
         if not np.isfinite(self._corner).all():
             raise np.linalg.LinAlgError("the matrix is singular")
 
+    def _solve_inner(self, right: Array) -> Array:
+        """Return the solution of K with springs for one right-hand side, or several (size, c)."""
+        if self._factors is not None:
+            return self._factors.solve(right)
+        count = right.shape[1] if right.ndim > 1 else 1
+        return _solver(self._layout, "qr", count)(self._held, right.T).T
+
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
         n, edges = self._size, right.size - self._size
-        x = self._inner(right[:n])
+        x = self._solve_inner(right[:n])
         other = np.zeros(len(self._across))
         other[:edges] = right[n:]
         y = np.linalg.solve(self._corner, other - self._across @ x)

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from actionopt.discrete.arclength import Branch, BranchPoint
+from actionopt.discrete.arclength import STRAIGHT_STEP, Branch, BranchPoint
 from actionopt.discrete.path import Path
 from actionopt.tools.shown import one_line
 
@@ -28,7 +28,6 @@ FOLDS_APART = 1e-6
 # How far the cubic of a step may be off, in parts of how far ds/dsigma bends within it, and how far
 # from where it turns s may turn, in parts of the step. Ad hoc.
 UNSURE_SLOPE, UNSURE_FOLD = 0.5, 0.1
-STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): short enough
 # ds/dsigma, of the range of s, that is zero at a point located to LOCATED; ad hoc
 FOLD_SLOPE = 1e-6
 
