@@ -197,6 +197,19 @@ def test_the_equations_of_motion_vanish_on_the_solution(name):
     assert unfulfilled(name) < 1e-8
 
 
+def test_sums_are_divided_by_what_stands_below_them():
+    for name, expected in (
+        (
+            "fish_eye",
+            "2 (x x'^2 / a^2 + 2 y x' y' / a^2 - x y'^2 / a^2) / (x^2 / a^2 + y^2 / a^2 + 1)",
+        ),
+        ("light_around_star", "2 M r' phi' / (1 - 2 M / r) - 2 r r' phi'"),
+    ):
+        law = scenes.get(name).problem.system
+        sides = [row.split(" = ")[1] for row in written.equations(law, law.table)]
+        assert expected in sides
+
+
 def test_equations_that_are_wrong_do_not_vanish():
     assert unfulfilled("pendulum", lambda text: text.replace("sin", "cos")) > 1e-3
     assert unfulfilled("charge_planar", lambda text: text.replace("= -e", "= e")) > 1e-3

@@ -4,7 +4,8 @@ They come out as the docstrings of the scenes have them, `l theta'' = -g sin the
 multiplies, a prime is a time derivative, the multiplier is `lamda`, as in Python's libraries.
 
 An expression is read as a sum of products of powers, multiplied out, in which equal products are
-collected and sin^2 + cos^2 = 1. What stands under a root or in a function is left as it is.
+collected and sin^2 + cos^2 = 1; in the equations sums above a power of another are divided by it,
+where that leaves no rest. What stands under a root or in a function is left as it is.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
+from math import ceil
 from typing import Any
 
 import casadi as ca
@@ -88,11 +90,15 @@ def _equation(row: Sum, parameters: set[str]) -> str:
     """Return a row that vanishes as an equation."""
     divided = tuple((x, -k) for x, k in _common(row) if _names(x) <= parameters)
     row = _times(row, {divided: Fraction(1)})
-    numbers = [abs(c) for c in row.values()]
-    if len(set(numbers)) == 1:
-        row = {product: c / numbers[0] for product, c in row.items()}
     left = {p: c for p, c in row.items() if any(getattr(x, "name", "")[-2:] == "''" for x, _ in p)}
     right = {p: -c for p, c in row.items() if p not in left}
+    left, right = _cancel(left), _cancel(right)
+    raised = _common_divisor([*left, *right])
+    left, right = _times(left, raised), _times(right, raised)
+    numbers = {abs(c) for c in (*left.values(), *right.values())}
+    least = min(numbers)
+    if len(numbers) == 1 or (least > 1 and all(c / least % 1 == 0 for c in numbers)):
+        left, right = _scale(left, 1 / least), _scale(right, 1 / least)
     if sum(c < 0 for c in left.values()) > len(left) / 2:
         left, right = ({p: -c for p, c in side.items()} for side in (left, right))
     if not left:
@@ -231,14 +237,16 @@ def _power(a: Sum, k: Fraction) -> Sum:
 
 def _collect(a: Sum) -> Sum:
     """Return a sum with its whole powers of sums multiplied out and squared sines collected."""
-    found: Sum = {}
-    for product, c in a.items():
-        part: Sum = {UNIT_PRODUCT: c}
-        for x, k in product:
-            whole = isinstance(x, tuple) and len(x) == 1 and k.denominator == 1 and k > 0
-            for _ in range(int(k) if whole else 1):
-                part = _times(part, dict(x[0]) if whole else {((x, k),): Fraction(1)})
-        found = _plus(found, part)
+    found = a
+    while any(_is_whole(x, k) for product in found for x, k in product):
+        found, a = {}, found  # what is multiplied out may leave whole powers of roots
+        for product, c in a.items():
+            part: Sum = {UNIT_PRODUCT: c}
+            for x, k in product:
+                for _ in range(int(k) if _is_whole(x, k) else 1):
+                    more = dict(x[0]) if _is_whole(x, k) else {((x, k),): Fraction(1)}
+                    part = _times(part, more)
+            found = _plus(found, part)
     changed = True
     while changed:
         changed = False
@@ -252,6 +260,11 @@ def _collect(a: Sum) -> Sum:
     return found
 
 
+def _is_whole(x: Any, k: Fraction) -> bool:
+    """Return whether it is a power of a sum that can be multiplied out."""
+    return isinstance(x, tuple) and len(x) == 1 and k.denominator == 1 and k > 0
+
+
 def _pythagoras(p: Product, q: Product) -> Product | None:
     """Return r where p = r sin(u)^2 and q = r cos(u)^2."""
     for x, k in p:
@@ -259,6 +272,44 @@ def _pythagoras(p: Product, q: Product) -> Product | None:
             down = _times({p: 1}, {((x, Fraction(-2)),): 1})
             if _times(down, {((("cos", x[1]), Fraction(2)),): 1}).get(q):
                 return next(iter(down))
+    return None
+
+
+def _cancel(a: Sum) -> Sum:
+    """Return a sum in which what stands over a power of a sum is divided by it while it can."""
+    found: Sum = {}
+    for below, above in _over(a).items():
+        for k, (x, power) in enumerate(below):
+            times = 0
+            while times < -ceil(power) and (quotient := _divided(above, dict(x[0]))):
+                above, times = quotient, times + 1
+            below = (*below[:k], (x, power + times), *below[k + 1 :])
+        found = _plus(found, _times(above, {tuple((x, j) for x, j in below if j): Fraction(1)}))
+    return found
+
+
+def _divided(a: Sum, by: Sum) -> Sum | None:
+    """Return a sum divided by another, None where that leaves a rest.
+
+    The largest products are divided by each other, in the order of their powers of one atom after
+    the other, and what is left is divided on: of two sums of powers at most as many times as the
+    quotient has terms.
+    """
+    atoms = sorted(
+        {x for products in (a, by) for product in products for x, _ in product}, key=repr
+    )
+
+    def largest(of: Sum) -> tuple[Product, Any]:
+        return max(of.items(), key=lambda item: [dict(item[0]).get(x, 0) for x in atoms])
+
+    first, c = largest(by)
+    inverse = {tuple((x, -k) for x, k in first): 1 / c}
+    quotient, rest = {}, a
+    for _ in range(len(a)):
+        part = _times(dict([largest(rest)]), inverse)
+        quotient, rest = _plus(quotient, part), _plus(rest, _scale(_times(part, by), -1))
+        if not rest:
+            return quotient
     return None
 
 
@@ -276,13 +327,8 @@ def _common(a: Sum) -> Product:
 
 def _text(a: Sum) -> str:
     """Return a sum as text, products over the same root together."""
-    groups: dict[Product, Sum] = {}
-    for product, c in a.items():
-        roots = tuple((x, k) for x, k in product if isinstance(x, tuple) and len(x) == 1 and k < 0)
-        rest = tuple((x, k) for x, k in product if (x, k) not in roots)
-        groups.setdefault(roots, {})[rest] = c
     terms: list[tuple[bool, str]] = []
-    for roots, inner in groups.items():
+    for roots, inner in _over(a).items():
         if len(inner) == 1 or not roots:
             terms += [_term(_join(p, roots), c) for p, c in inner.items()]
             continue
@@ -295,6 +341,24 @@ def _text(a: Sum) -> str:
     terms.sort(key=lambda term: term[0])  # one that is added first, if there is any
     (minus, first), *others = terms or [(False, "0")]
     return "-" * minus + first + "".join(f" {'-' if minus else '+'} {x}" for minus, x in others)
+
+
+def _over(a: Sum) -> dict[Product, Sum]:
+    """Return what stands over each product of powers of sums."""
+    groups: dict[Product, Sum] = {}
+    for product, c in a.items():
+        below = tuple((x, k) for x, k in product if isinstance(x, tuple) and len(x) == 1 and k < 0)
+        rest = tuple((x, k) for x, k in product if (x, k) not in below)
+        groups.setdefault(below, {})[rest] = c
+    return groups
+
+
+def _common_divisor(products: Sequence[Product]) -> Sum:
+    """Return the powers of sums below all products, as what is multiplied by them."""
+    powers = [dict(product) for product in products]
+    sums = {x for product in products for x, k in product if isinstance(x, tuple) and len(x) == 1}
+    least = {x: max(p.get(x, Fraction(0)) for p in powers) for x in sums}
+    return {tuple((x, -k) for x, k in sorted(least.items(), key=repr) if k < 0): Fraction(1)}
 
 
 def _order(a: Sum) -> tuple:
