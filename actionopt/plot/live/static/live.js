@@ -675,22 +675,19 @@
 
     function solve() {
       stop();
-      // On few elements first, from which Newton's method goes less far astray than on many.
-      let steps, from, begun, parts;
-      for (const mesh of motion.known ? [A.coarse()] : [A.coarse(), A]) {
+      // On few elements first, from which Newton's method goes less far astray than on many; where it
+      // ends at none that a finer mesh confirms, the force that is missing is taken away part by part.
+      const ways = [(mesh, at, follow) => mesh.newton(at, { follow }), (mesh, at, follow) => mesh.released(at, (P) => { follow(P); parts++; })];
+      let steps, from, begun, parts, any = false;
+      for (const [mesh, ask] of (motion.known ? [A.coarse()] : [A.coarse(), A]).flatMap((mesh) => ways.map((ask) => [mesh, ask]))) {
         [steps, from, parts] = [[], mesh, 0];
-        const follow = (P) => steps.push(P), near = (at) => {
-          const found = mesh.newton(at, { follow });
-          if (found) return found;
-          steps = [];
-          return mesh.released(at, (P) => { follow(P); parts++; });
-        };
-        begun = mesh.resolved(A.carried(trial, mesh), (B, Q) => (B === mesh ? near(Q) : B.newton(Q)));
+        begun = mesh.resolved(A.carried(trial, mesh), (B, Q) => (B === mesh ? ask(B, Q, (P) => steps.push(P)) : B.newton(Q)));
+        any ||= Boolean(begun);
         if (begun?.known) break;
       }
-      const found = begun?.known ? begun : null, measured = { found: Boolean(found), known: motion.known, met: Boolean(begun), steps: steps.length, parts, forced };
+      const found = begun?.known ? begun : null, measured = { found: Boolean(found), known: motion.known, met: any, steps: steps.length, parts, forced };
       const words = [say("solved", measured, { k: parts || steps.length }), say("level", measured)].join(" ").trim();
-      if (!found && !motion.known) { motion.met = Boolean(begun); become(trial, words); return; }
+      if (!found && !motion.known) { motion.met = any; become(trial, words); return; }
       const before = found ? steps.map((Q) => from.carried(Q, found.A)) : steps;
       if (found) {
         take(found, { own: false, foci: null });
