@@ -156,6 +156,19 @@ def test_a_step_is_resolved_however_steep(own):
 
 
 @pytest.mark.slow
+def test_a_motion_is_found_where_newton_ends_at_none(chromium, tmp_path):
+    top = Page(chromium, tmp_path, scenes.get("heavy_top").problem)
+    # By shooting with scipy from 150 and 300 starts: one motion, and none.
+    for inertia, known in ((0.00428, "true"), (0.00476, "false")):
+        top.press("restart")
+        top.slide("data-parameter=I\u2083", inertia)
+        top.press("solve")
+        assert top.told("known") == known, inertia
+        if known == "true":
+            assert top.number("action") == pytest.approx(5.6624737, abs=5e-7)
+
+
+@pytest.mark.slow
 def test_no_motion_is_claimed_where_there_is_none(own):
     free = own(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, [1.0], [None], 2.5)
     free.press("solve")

@@ -161,7 +161,7 @@
     const message = html(figure, "p", { class: "message", role: "status" });
     const panels = html(figure, "div", { class: "panels" });
     const [left, right] = [0, 1].map(() => html(panels, "div", { class: "column" }));
-    const pathPanel = new Panel(left, W.path, "path", (w) => Math.min(330, 0.6 * w + 60));
+    const pathPanel = new Panel(left, W.path, "path", (w) => Math.min(330, (data.pairs.length ? 0.75 : 0.6) * w + 60)); // one scale for both axes of a plane
     const energyPanel = forced ? null : new Panel(left, W.lagrangian, "lagrangian", (w) => Math.min(240, 0.35 * w + 70));
     const alphaPanel = forced ? null : new Panel(right, W.alpha, "alpha", (w) => Math.min(330, 0.75 * w + 40));
     const missingPanel = new Panel(data.picture && !forced ? left : right, data.measure ? W.lacking : W.missing, "missing", (w) => Math.min(forced && !data.picture ? 370 : 220, 0.5 * w + 40));
