@@ -281,14 +281,14 @@ def _cancel(a: Sum) -> Sum:
     for below, above in _over(a).items():
         for k, (x, power) in enumerate(below):
             times = 0
-            while times < -ceil(power) and (quotient := _divided(above, dict(x[0]))):
+            while times < -ceil(power) and (quotient := _divide(above, dict(x[0]))):
                 above, times = quotient, times + 1
             below = (*below[:k], (x, power + times), *below[k + 1 :])
         found = _plus(found, _times(above, {tuple((x, j) for x, j in below if j): Fraction(1)}))
     return found
 
 
-def _divided(a: Sum, by: Sum) -> Sum | None:
+def _divide(a: Sum, by: Sum) -> Sum | None:
     """Return a sum divided by another, None where that leaves a rest.
 
     The largest products are divided by each other, in the order of their powers of one atom after
