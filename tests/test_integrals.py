@@ -48,6 +48,33 @@ def test_a_rope_hangs_as_a_catenary(length):
     assert found.compare().agrees
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("volume", [2.6, 3.0])
+def test_a_soap_film_between_unequal_rings(volume):
+    """Its volume is near that of a cone: the path near the straight line is found."""
+    film = ao.System(
+        lambda q, v, t: 2 * np.pi * q[0] * np.sqrt(1 + v[0] ** 2),
+        ["r"],
+        integral=lambda q, v, t: np.pi * q[0] ** 2,
+    )
+    question = ao.Problem(film, ao.Event(0, [1.0]), ao.Event(1.2, [0.7]), integral=volume)
+
+    def rates(t, state, kappa):  # radius, slope, volume, area
+        r, v = state[:2]
+        w = np.sqrt(1 + v**2)
+        return v, w**2 / r + kappa * w**3, np.pi * r**2, 2 * np.pi * r * w
+
+    def at_end(v, kappa):
+        start = [1.0, v, 0.0, 0.0]
+        return solve_ivp(rates, (0, 1.2), start, args=(kappa,), rtol=1e-12, atol=1e-12).y[:, -1]
+
+    slope, kappa = fsolve(lambda x: at_end(*x)[[0, 2]] - [0.7, volume], [0.0, -1.2], xtol=1e-13)
+    found = ao.solve(question, tol=1e-10)
+    assert found.action == pytest.approx(at_end(slope, kappa)[3], abs=1e-9)
+    assert found.integral_multipliers == pytest.approx([kappa], abs=1e-9)
+    assert found.morse_index == 0
+
+
 def test_dido_ends_at_right_angles_to_the_shore():
     """The largest area between a line and a string: as S = length^2 / 2 at the area one."""
     string = systems.particle("x y", integral=lambda q, v, t: (q[1] * v[0] - q[0] * v[1]) / 2)

@@ -47,9 +47,10 @@ def first_waves(
 ) -> Iterator[tuple[Path, Array]]:
     """Yield at most `count` first paths along which the integrals have the values that are given.
 
-    And the times of the events on them. One sine each in turn, up and down, then random sums of
-    them, in units of `size` (n,). Where all of these leave the integrals as they are, events that
-    differ by round-off gave it, and the units are one.
+    And the times of the events on them. The one nearest to the straight line, if it is near; then
+    one sine each in turn, up and down, and random sums of them, in units of `size` (n,). Where all
+    of these leave the integrals as they are, events that differ by round-off gave it, and the
+    units are one.
     """
     mesh, legs = wave_mesh(times, problem.system.order), np.diff(times)
     values, n = straight(mesh.nodes), problem.system.n
@@ -88,6 +89,17 @@ def first_waves(
     if states is not None and states.are_answers:
         yield from along_states(states)
         return
+
+    def constrained(z: Array) -> Path:
+        path = DiscretePath(tr, z).path
+        return Path(mesh, project(tr, path.values.T).T) if tr.layout.rows else path
+
+    straight_on = np.zeros(len(shapes))
+    step = _correct(tr, origin, variations, straight_on, asked)[1]
+    if (np.abs(step) <= 1).all():  # less than by a sine; not where slopes are round-off
+        nearest = _project(tr, origin, variations, straight_on, asked)
+        if nearest is not None:
+            yield constrained(nearest), times
     for k in range(count):
         if k == BEFORE_CONTINUATION:
             yield from _continue(problem, tr, origin, variations)
@@ -103,8 +115,7 @@ def first_waves(
             amplitudes = random.standard_normal(len(shapes)) * decay * np.exp(random.normal())
         found = _project(tr, origin, variations, amplitudes, asked)
         if found is not None:
-            path = DiscretePath(tr, found).path
-            yield Path(mesh, project(tr, path.values.T).T) if tr.layout.rows else path, times
+            yield constrained(found), times
 
 
 def _along_each(states: Eigenvectors, values: Array) -> Iterator[Path]:
@@ -204,14 +215,26 @@ def _project(
     Gauss and Newton's method takes steps of least length in the amplitudes a.
     """
     for _ in range(2 * PATIENT):
-        z = origin + a @ variations
-        reached, slopes = integrals(DiscretePath(tr, z))
-        off, J = reached - values, slopes @ variations[:, : slopes.shape[1]].T
-        if not (np.isfinite(off).all() and np.isfinite(J).all()):
+        off, step = _correct(tr, origin, variations, a, values)
+        if not (np.isfinite(off).all() and np.isfinite(step).all()):
             return None
-        step = -np.linalg.pinv(J, rcond=RANK) @ off
         if np.abs(step).max() <= LAST_PROJECTION * max(1.0, np.abs(a).max()):
-            return z if np.abs(off).max() <= FIRST_TOL * max(1.0, np.abs(values).max()) else None
+            near = np.abs(off).max() <= FIRST_TOL * max(1.0, np.abs(values).max())
+            return origin + a @ variations if near else None
         longest = max(1.0, float(np.abs(a).max()))
         a = a + step * min(1.0, longest / float(np.abs(step).max()))
     return None
+
+
+def _correct(
+    tr: Transcription, origin: Array, variations: Array, a: Array, values: Array
+) -> tuple[Array, Array]:
+    """Return by how much integrals (c,) are off, and the least step in a that mends it to first order.
+
+    NaN where they are no numbers.
+    """
+    reached, slopes = integrals(DiscretePath(tr, origin + a @ variations))
+    off, J = reached - values, slopes @ variations[:, : slopes.shape[1]].T
+    if not (np.isfinite(off).all() and np.isfinite(J).all()):
+        return off, np.full(a.size, np.nan)
+    return off, -np.linalg.pinv(J, rcond=RANK) @ off
