@@ -89,10 +89,8 @@ def solve_through(
             solution = best
         elif solution.status is Status.OUT_OF_TIME and best is not None and best.success:
             solution = best
-        if solution.success and principle == "least" and not _is_minimum(solution):
-            solution = replace(solution, status=Status.NOT_LEAST)
         if solution.success or solution.status is Status.OUT_OF_TIME:
-            return solution, why
+            return _judge_least(solution, principle), why
         if best is None or (
             not _is_stationary(best) and (_is_stationary(solution) or (why and not hint))
         ):
@@ -113,7 +111,14 @@ def solve_through(
         )
     if not _is_stationary(best):
         hint = "; ".join(filter(None, (hint, _wall_behind_another(problem))))
-    return best, hint
+    return _judge_least(best, principle), hint
+
+
+def _judge_least(solution: Solution, principle: Literal["auto", "least", "stationary"]) -> Solution:
+    """Return the solution, NOT_LEAST if a least one was asked for and this is none."""
+    if principle != "least" or not solution.success or _is_minimum(solution):
+        return solution
+    return replace(solution, status=Status.NOT_LEAST)
 
 
 def _several(problem: Problem, principle: Literal["auto", "least", "stationary"]) -> int:
@@ -170,12 +175,13 @@ def attempts(
     """Yield what came of each first path, and why it is no answer.
 
     With a `count`, which a search for all answers gives, so many first paths of each kind are
-    tried, and each answer comes once. Until a closed path came of any, the first of them are tried
-    twice: Newton's method is lost in a family.
+    tried, and each answer comes once; so it does where integrals are given, as many first paths
+    lead to one. Until a closed path came of any, the first of them are tried twice: Newton's method
+    is lost in a family.
     """
     seen: list[tuple[Array, Array]] = []
     answers: list[Array] = []  # the places of their events
-    known = False
+    known, once = False, count is not None or problem.integral is not None
 
     def tries() -> Iterator[tuple[Path, Array, bool]]:
         left = FAMILY_TRIES if problem.advance is not None else 0
@@ -191,7 +197,7 @@ def attempts(
         status = Status.NOT_FOUND
         try:
             if run.reach_family(path) if of_family else run.reach(path, None, damped=True):
-                if count and _repeats(run, seen):
+                if once and _repeats(run, seen):
                     continue
                 status = run.verdict()
         except SIGNALS as signal:
