@@ -90,7 +90,7 @@ def first_waves(
         yield from along_states(states)
         return
 
-    def constrained(z: Array) -> Path:
+    def project_path(z: Array) -> Path:
         path = DiscretePath(tr, z).path
         return Path(mesh, project(tr, path.values.T).T) if tr.layout.rows else path
 
@@ -99,7 +99,7 @@ def first_waves(
     if (np.abs(step) <= 1).all():  # less than by a sine; not where slopes are round-off
         nearest = _project(tr, origin, variations, straight_on, asked)
         if nearest is not None:
-            yield constrained(nearest), times
+            yield project_path(nearest), times
     for k in range(count):
         if k == BEFORE_CONTINUATION:
             yield from _continue(problem, tr, origin, variations)
@@ -115,7 +115,7 @@ def first_waves(
             amplitudes = random.standard_normal(len(shapes)) * decay * np.exp(random.normal())
         found = _project(tr, origin, variations, amplitudes, asked)
         if found is not None:
-            yield constrained(found), times
+            yield project_path(found), times
 
 
 def _along_each(states: Eigenvectors, values: Array) -> Iterator[Path]:
