@@ -315,7 +315,7 @@ def _():
 @refuses(
     "infinite time",
     "several systems",
-    says="rests of one law alone",
+    says="expected one system where an end lies at infinite time",
     because="where a path rests is told by one law",
 )
 def _():

@@ -610,3 +610,30 @@ def test_a_least_reflection_is_preferred():
     least = ways[1:-1][(ways[1:-1] < ways[:-2]) & (ways[1:-1] < ways[2:])] ** 2 / 2
     found = ao.solve(problem)
     assert found.morse_index == 0 and np.isclose(least, found.action, rtol=1e-6).any()
+
+
+@pytest.mark.long
+def test_a_least_reflection_is_preferred_to_a_saddle_that_is_met_six_times():
+    """A ball may meet the floor at three times t and then be at the height 0.8 in time."""
+    wall = ao.Bounce(lambda q, t: q[1])
+    ends = ao.Event(0, [0, 1]), ao.Event(1.2, [2, 0.8])
+    found = ao.solve(ao.Problem(systems.thrown(), *ends, through=[wall]))
+    t, T, g = found.problem.through[0].t, 1.2, 9.81
+    up = 1 / t + g * t / 2  # after the floor
+    assert found.morse_index == 0 and up * (T - t) - g * (T - t) ** 2 / 2 == pytest.approx(0.8)
+
+
+def test_what_several_laws_do_not_share_is_named(tmp_path):
+    def law(n):
+        return ao.System(lambda q, v, t, *, n: n**2 * (v @ v) / 2, ["x", "y"], parameters={"n": n})
+
+    media, step = [law(1.0), law(1.5)], ao.Event(None, None, on=lambda q, t: q[1])
+    problem = ao.Problem(media, ao.Event(0, [0, 1]), ao.Event(1, [2, -1]), through=[step])
+    assert "leg_times" not in repr(problem)
+    with pytest.raises(ValueError, match=r"'n', of which the systems have the values 1, 1\.5"):
+        problem.replace(parameters={"n": 2.0})
+    with pytest.raises(ValueError, match=r"the parameters are none$"):
+        problem.replace(parameters={"m": 2.0})
+    ao.solve(problem).save(tmp_path / "ray.npz")
+    with pytest.raises(ValueError, match="expected the systems of 2 legs, found one system"):
+        ao.load(tmp_path / "ray.npz", media[0])

@@ -278,6 +278,11 @@ def _ends(path: Path, velocities: Array, momenta: Array, unknowns: Unknowns | No
 def _question(known: Detached, system: System | Sequence[System]) -> Problem:
     """Return the problem of a file, its system given, with what was found in it."""
     found, asked = known.joints_found, known.asked
+    if isinstance(system, System) and SWITCHES in set(known.parameters) - set(system.table.shapes):
+        raise ValueError(
+            f"expected the systems of {len(found) - 1} legs, found one system; give them in the "
+            "order of the legs, load(file, [one, other])"
+        )
     given = {k: x for k, x in known.parameters.items() if k not in (SWITCHES, MULTIPLIERS)}
     events = list(found)
     if asked is not None:

@@ -77,7 +77,7 @@ class Bordered:
         self.reach = 1.0
         self._last: Transcription | None = self.first
         self._times_of: tuple[bytes, Gradient] | None = None  # of the last residual
-        # The unknowns beside the path, and before the forces, of the last; None if there is no last.
+        # The unknowns beside the path, and before the forces, of the last one, if there is one.
         self._beside: bytes | None = b""
         self._like: Transcription | None = self.first
 

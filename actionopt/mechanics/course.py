@@ -151,9 +151,11 @@ def check_course(problem: Any) -> tuple[Event, ...]:
     times = [x for x in known if x[0] is not None]
     for (a, _), (b, i) in pairwise(times):
         if not a < b:
+            what = "the end event" if i == len(known) - 1 else f"event {i - 1} of through"
             raise ValueError(
-                f"expected events in the order of their times, found t = {b} after t = {a} as "
-                f"number {i} of all; sort them"
+                f"expected the events of through in the order of their times, between the start "
+                f"and the end, found {what} at t = {b} after one at t = {a}; sort them, or change "
+                "a time"
             )
     unknown = any(e.t is None or e.on is not None for e in found)
     _refuse(problem, unknown or problem.has_open_ends)
@@ -261,11 +263,16 @@ def check_rates_on_constraints(problem: Any) -> None:
 def _refuse(problem: Any, unknown: bool) -> None:
     """Raise ValueError for what does not go with events between the ends."""
     system = problem.system
-    if problem.leads_to_rest and (unknown or problem.laws):
+    if problem.leads_to_rest and unknown:
         raise ValueError(
-            "expected one system, and events between the ends at given times and places, where an "
-            "end lies at infinite time, found others: a path that comes from rest may do so at any "
-            "time, and rests of one law alone; give times and coordinates, or finite times"
+            "expected events between the ends at given times and places where an end lies at "
+            "infinite time, found a time or place that is to be found: a path may come from rest "
+            "at any time; give times and coordinates, or finite times"
+        )
+    if problem.leads_to_rest and problem.laws:
+        raise ValueError(
+            "expected one system where an end lies at infinite time, found several laws: where a "
+            "path rests is sought with one law for all times; give finite times"
         )
     if system.r and any(isinstance(event, Bounce) for event in problem.through):
         raise ValueError(

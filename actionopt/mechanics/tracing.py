@@ -105,9 +105,10 @@ class ParameterTable:
         result = Values(self.defaults)
         for name, value in by_name(overrides, "parameters").items():
             if name not in result:
+                known = [x for x in result if x not in (MULTIPLIERS, SWITCHES)]
                 raise ValueError(
                     f"unknown parameter {name!r}; the parameters are "
-                    f"{', '.join(result) or 'none'}{suggestion(name, result)}"
+                    f"{', '.join(known) or 'none'}{suggestion(name, known)}"
                 )
             if value is result[name]:
                 continue  # the default, known to be good
@@ -323,6 +324,8 @@ def _why(error: Exception, arguments: Mapping[str, Any], parameters: Mapping[str
     q = arguments.get("q")
     if isinstance(error, ValueError) and "values to unpack" in text and q is not None:
         return f": {text}; q and v have one entry for each coordinate, and there are {len(q)}"
+    if isinstance(error, TypeError) and "for ^" in text:
+        return f": {text}; a power is x**2, and ^ is none"
     if isinstance(error, TypeError) and (name := _function_of_numbers(error)):
         return f": {name} was given a list of expressions; make it an array by np.stack first"
     return (

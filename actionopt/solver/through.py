@@ -64,7 +64,7 @@ AFTER_FAMILY = FIRST_POLYGONS // 4  # more of them, to find a path that is alone
 # Paths with given integrals of which the least is taken, if none is a minimum, and such paths
 # through few events. Measured in an ellipse: of the first ten paths with one reflection one is a
 # minimum for 24 of 25 pairs of ends, mostly of the first three, with two for 18, with three for 1.
-SEVERAL, SEVERAL_THROUGH, FEW_EVENTS = FIRST_POLYGONS // 3, 4, 2
+SEVERAL, SEVERAL_THROUGH, FEW_EVENTS = FIRST_POLYGONS // 3, 10, 2
 
 
 def solve_through(

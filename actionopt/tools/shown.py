@@ -45,11 +45,11 @@ def brief(value: Any) -> str:
     return repr(value) if name is None else str(name)
 
 
-def one_line(self: Any) -> str:
+def one_line(self: Any, **shown: Any) -> str:
     """Return a dataclass in one line, `Name(field=value, ...)`: to be its `__repr__`.
 
-    Without what is as by default.
+    Without what is as by default; fields that are `shown` have the value given there.
     """
     given = [f for f in fields(self) if f.repr and getattr(self, f.name) is not f.default]
-    shown = ", ".join(f"{f.name}={brief(getattr(self, f.name))}" for f in given)
-    return f"{type(self).__name__}({shown})"
+    pairs = ((f.name, shown.get(f.name, getattr(self, f.name))) for f in given)
+    return f"{type(self).__name__}({', '.join(f'{name}={brief(x)}' for name, x in pairs)})"
