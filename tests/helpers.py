@@ -53,6 +53,7 @@ def of_every_scene(test):
     return run
 
 
+@cache
 def of_one_leg():
     """Return the scenes whose paths pass no events between their ends and have no integrals.
 

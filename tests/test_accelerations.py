@@ -608,6 +608,7 @@ def test_what_leaves_a_constraint_is_refused():
         ao.Problem(plane, on_ring(0, 0.1), end.at(None), energy=0)
 
 
+@pytest.mark.long
 def test_equations_of_motion_in_sympy():
     beam = ao.System(
         lambda q, v, a, t, *, P: a[0] ** 2 / 2 - P * v[0] ** 2 / 2 + q[0],

@@ -416,6 +416,7 @@ def test_a_solve_may_be_given_a_time(capsys):
 # -- sweep -----------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_sweep_prints_what_was_found_and_writes_it(capsys, tmp_path):
     arrays, picture = tmp_path / "map.npz", tmp_path / "map.png"
     over = ("--over", "g=9:10:3", "--over", "end.theta=-0.2:0.2:4")

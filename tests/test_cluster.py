@@ -21,6 +21,7 @@ def needs(block):
     return re.findall(r"^# needs (\w+)$", block, re.MULTILINE)
 
 
+@pytest.mark.long
 def test_the_pieces_of_code_run_and_find_what_they_say(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names, values = {}, 0

@@ -1,9 +1,12 @@
 """The study of constants: what it changes, and what it calls another answer."""
 
+import pytest
+
 from actionopt.solver import refine, two_sided_shooting
 from benchmarks import constants
 
 
+@pytest.mark.long
 def test_a_constant_is_changed_wherever_it_was_imported_to_and_put_back():
     named = {c.name: c for c in constants.constants(("solver",))}
     rounds = named["ROUNDS"]

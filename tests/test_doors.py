@@ -116,9 +116,10 @@ def test_what_is_no_sum_over_nodes_is_refused():
             ask()
 
 
-# -- sympy -------------------------------------------------------------------------------------
+# -- sympy: installed for all tests alone, so these are long -------------------------------------
 
 
+@pytest.mark.long
 def test_a_lagrangian_of_sympy_is_that_of_numpy(swing):
     pytest.importorskip("sympy")
     from sympy import Symbol, cos, symbols
@@ -138,6 +139,7 @@ def test_a_lagrangian_of_sympy_is_that_of_numpy(swing):
         assert ao.solve(problem).action == pytest.approx(swing.action, rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_parameter_without_a_value_is_asked_for():
     pytest.importorskip("sympy")
     from sympy import symbols
@@ -154,6 +156,7 @@ def test_a_parameter_without_a_value_is_asked_for():
     assert solution.start.v == pytest.approx([2 * b], rel=1e-8)
 
 
+@pytest.mark.long
 def test_functions_of_sympy_are_those_of_casadi():
     sympy = pytest.importorskip("sympy")
     x, y, v, w, t = sympy.symbols("x y v w t")
@@ -167,6 +170,7 @@ def test_functions_of_sympy_are_those_of_casadi():
         assert float(system.lagrangian(place, [0.5, 0.25], 0.0)) == pytest.approx(exact, rel=1e-14)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -185,6 +189,7 @@ def test_what_is_no_lagrangian_of_sympy_is_refused(wrong, message):
         ao.System.from_sympy(*wrong(*sympy.symbols("x v t"), sympy.Function("f")))
 
 
+@pytest.mark.long
 def test_laws_beside_the_lagrangian_are_checked_like_it():
     sympy = pytest.importorskip("sympy")
     x, v, t, k = sympy.symbols("x v t k")
@@ -196,6 +201,7 @@ def test_laws_beside_the_lagrangian_are_checked_like_it():
     assert forced.force([1.0], [2.0], 0.0) == -1.0
 
 
+@pytest.mark.long
 def test_a_system_is_written_as_sympy_does():
     sympy = pytest.importorskip("sympy")
     from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
@@ -225,6 +231,7 @@ def test_a_system_is_written_as_sympy_does():
     assert np.allclose(again.acceleration(*state), ON_CIRCLE.acceleration(*state), rtol=1e-14)
 
 
+@pytest.mark.long
 def test_every_scene_is_written_or_says_why_not():
     pytest.importorskip("sympy")
     for name in ("kepler", "heavy_top", "turning_wire", "drag_quadratic", "double_pendulum"):

@@ -39,9 +39,9 @@ def well(t):
     "problem, energies",
     a_quarter(
         [
+            (states(well, 0, 5), chebyshev(well, 0, 5)[:4]),
             # Griffiths, *Quantum Mechanics*, 4.2: hydrogen, l = 0
             (states(lambda r: -2 / r, 0, 90), [-1 / 2, -1 / 8, -1 / 18, -1 / 32]),
-            (states(well, 0, 5), chebyshev(well, 0, 5)[:4]),
             # a membrane: zeros of Bessel's functions, in a disc and on it with two nodal lines
             (states(lambda t: 0.0, 0, 1, mass=lambda t: t, free=True), jn_zeros(0, 4) ** 2 / 2),
             (states(lambda t: 4 / t, 0, 1, mass=lambda t: t), jn_zeros(2, 4) ** 2 / 2),

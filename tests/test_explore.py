@@ -47,6 +47,7 @@ def number(text):
     return float(re.search(r"= (\S+)", text.get_text())[1].replace("\N{MINUS SIGN}", "-"))
 
 
+@pytest.mark.long
 def test_dragging_a_point_shows_the_action_of_the_bent_path():
     window = plot.explore(scenes.get("oscillator"))
     (panel,) = window.panels
@@ -116,6 +117,7 @@ def test_a_backend_that_cannot_be_loaded_says_so(monkeypatch):
         plot.explore(scenes.get("oscillator"))
 
 
+@pytest.mark.long
 def test_a_window_opens_where_there_is_a_display(monkeypatch):
     shown = []
     monkeypatch.setattr(matplotlib, "get_backend", lambda: "tkagg")
@@ -124,6 +126,7 @@ def test_a_window_opens_where_there_is_a_display(monkeypatch):
     assert len(shown) == 1 and len(shown[0]) == 1
 
 
+@pytest.mark.long
 def test_where_figures_are_pictures_it_is_the_live_page():
     with plot.language("de"):
         window = plot.explore(scenes.get("oscillator"))

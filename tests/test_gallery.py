@@ -149,20 +149,21 @@ def test_no_line_ends_between_a_number_and_its_unit(gallery):
         assert not re.search(r"\d (?:J|N|kg|m|s|rad)\b|[JN] s\b|index \d", words), file
 
 
-def test_the_names_of_coordinates_stand_in_the_picture_and_apart():
-    for name in ("chain", "figure_eight", "kepler_spherical"):  # this one is seen in space
-        scene = scenes.get(name)
-        html = film(Subject(scene, solve(scene.problem, guess=scene.guess)))
-        x, y, wide, high = map(float, re.search('viewBox="([^"]*)"', html)[1].split())
-        names = re.findall('class="name" x="([^"]*)" y="([^"]*)" font-size="([^"]*)"', html)
-        at, size = np.array(names, dtype=float)[:, :2], float(names[0][2])
-        assert len(at) == min(8, scene.problem.system.n)
-        assert np.all(at - size / 2 >= [x, y]) and np.all(at + size / 2 <= [x + wide, y + high])
-        bodies = re.findall('class="body[^>]*cx="([^"]*)" cy="([^"]*)" r="([^"]*)"', html)
-        for other in np.array(bodies, dtype=float):
-            assert np.min(np.hypot(*(at - other[:2]).T)) > other[2] + 0.3 * size
-        apart = np.hypot(*(at[:, None] - at).transpose(2, 0, 1)) + 9 * np.eye(len(at))
-        assert np.min(apart) > 0.9 * size
+@pytest.mark.quick("kepler_spherical")  # it is seen in space
+@pytest.mark.parametrize("name", ["chain", "figure_eight", "kepler_spherical"])
+def test_the_names_of_coordinates_stand_in_the_picture_and_apart(name):
+    scene = scenes.get(name)
+    html = film(Subject(scene, solve(scene.problem, guess=scene.guess)))
+    x, y, wide, high = map(float, re.search('viewBox="([^"]*)"', html)[1].split())
+    names = re.findall('class="name" x="([^"]*)" y="([^"]*)" font-size="([^"]*)"', html)
+    at, size = np.array(names, dtype=float)[:, :2], float(names[0][2])
+    assert len(at) == min(8, scene.problem.system.n)
+    assert np.all(at - size / 2 >= [x, y]) and np.all(at + size / 2 <= [x + wide, y + high])
+    bodies = re.findall('class="body[^>]*cx="([^"]*)" cy="([^"]*)" r="([^"]*)"', html)
+    for other in np.array(bodies, dtype=float):
+        assert np.min(np.hypot(*(at - other[:2]).T)) > other[2] + 0.3 * size
+    apart = np.hypot(*(at[:, None] - at).transpose(2, 0, 1)) + 9 * np.eye(len(at))
+    assert np.min(apart) > 0.9 * size
 
 
 def test_a_film_says_that_a_path_runs_away_only_where_it_does():

@@ -102,6 +102,7 @@ def test_what_the_page_states_is_found(page):
     assert count >= STATED[GUIDE]
 
 
+@pytest.mark.long
 def test_what_the_page_of_test_problems_states_is_found(tmp_path):
     _, wrong, count = run(SUITE.read_text(), tmp_path)
     assert not wrong, "\n".join(wrong)
@@ -109,6 +110,7 @@ def test_what_the_page_of_test_problems_states_is_found(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_what_the_page_of_other_tools_states_is_found(tmp_path):
     pytest.importorskip("sympy")
     _, wrong, count = run(OTHERS.read_text(), tmp_path)

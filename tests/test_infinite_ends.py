@@ -272,7 +272,11 @@ def test_a_kink_between_wells_of_unlike_rates():
 
 
 @pytest.mark.parametrize(
-    ("unit", "zero"), [pytest.param(1e-3, 0.0, marks=pytest.mark.slow), (1e-3, 1.0)]
+    ("unit", "zero"),
+    [
+        pytest.param(1e-3, 0.0, marks=pytest.mark.slow),
+        pytest.param(1e-3, 1.0, marks=pytest.mark.long),
+    ],
 )
 def test_a_bounce_that_begins_next_to_another_equilibrium_is_guessed(unit, zero):
     """Also where the rest is at zero, which is no size."""

@@ -443,9 +443,9 @@ def test_first_waves_have_the_integral_that_is_given():
     problem = ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0.4]), integral=2.6)
     straight = ao.Path(ao.Mesh([0.0, 2.0], 1), np.array([[0.0, 0.4]]))
     given = problem, straight, np.array([0.0, 2.0]), np.ones(1)
-    found = [path for path, _ in first_waves(*given, 40, np.random.default_rng(1))]
+    found = [path for path, _ in first_waves(*given, 12, np.random.default_rng(1))]
     x, weights = np.polynomial.legendre.leggauss(400)
-    assert len(found) > 30
+    assert len(found) > 8
     for path in found:
         assert path(np.array([0.0, 2.0])) == pytest.approx(np.array([[0.0, 0.4]]), abs=1e-12)
         assert weights @ np.hypot(1, path.velocity(x + 1)[0]) == pytest.approx(2.6, rel=1e-2)

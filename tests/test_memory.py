@@ -26,6 +26,7 @@ print(faults())
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another library's memory")
 def test_eight_megabytes_in_use_together_are_mapped_once():
     """They are 2048 pages, fifty times over where they are given back."""

@@ -16,7 +16,6 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
-import sympy
 import systems
 from matplotlib.animation import Animation
 from scipy.interpolate import CubicSpline
@@ -58,7 +57,6 @@ solution = ao.solve(problem)
 mesh = ao.Mesh.uniform(0.0, 1.0, 2, 4)
 line = ao.Path.interpolate(lambda t: t[None], mesh)
 cubic = CubicSpline([0.0, 0.5, 1.0], [0.0, 0.2, 1.0])
-x, rate, clock = sympy.symbols("x rate clock")
 runs = ao.sweep(problem, {"t1": [0.9, 1.0]})
 bent = ao.System(lambda q, v, a, t: a @ a / 2, ["x"])
 spline = ao.solve(ao.Problem(bent, *(problem.start, problem.end), through=[ao.Event(None, [0.3])]))
@@ -222,6 +220,7 @@ def methods_of(answer):
 
 def method_calls(folder):
     """Return for each method positional and named arguments that fit."""
+    x, rate, clock = pytest.importorskip("sympy").symbols("x rate clock")
     at, state = (0.5,), ([0.5], [1.0], 0.5)
     file, values = folder / "m.npz", {"parameters": {}}
     calls = {}
@@ -436,6 +435,7 @@ def odd_methods(folder, seed, most):
     return {name: wrong for name, wrong in found.items() if wrong}
 
 
+@pytest.mark.long
 def test_odd_arguments_of_methods(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)  # some odd arguments are names of files
     assert not odd_methods(tmp_path, 0, 4)
@@ -507,11 +507,6 @@ class Three:
         (lambda: ao.sweep(problem, {"t1": [1.0]}, keep_paths=np.zeros(0)), "keep_paths=True or"),
         (lambda: ao.trace(problem, "t1", 1.2, count=np.zeros(2)), "count=True or"),
         (lambda: ao.trace(problem, np.zeros(0), 1.2), "expected a name, or a tuple"),
-        (
-            lambda: ao.System.from_sympy(rate**2, [x], [rate], clock, force=free.symbols.q),
-            "sympy",
-        ),
-        (lambda: ao.System.from_sympy(rate**2, free.symbols.q, [rate], clock), "symbols of sympy"),
         (lambda: ao.Problem(free, problem.start, 1.0, integral=1.0), r"Event\(t, q\) as the end"),
         (lambda: ao.Mesh([0.0, 1.0], [[1, 2], [3]]), "one degree or one for each"),
         (lambda: plot.slices(solution, etas=np.array("x")), "several variations"),
@@ -533,6 +528,15 @@ def test_what_only_looks_like_an_argument_is_taken_or_refused(call, said, tmp_pa
     else:
         with pytest.raises(ValueError, match=said):
             call()
+
+
+@pytest.mark.long
+def test_symbols_of_other_packages_are_none_of_sympy():
+    x, rate, clock = pytest.importorskip("sympy").symbols("x rate clock")
+    with pytest.raises(ValueError, match="sympy"):
+        ao.System.from_sympy(rate**2, [x], [rate], clock, force=free.symbols.q)
+    with pytest.raises(ValueError, match="symbols of sympy"):
+        ao.System.from_sympy(rate**2, free.symbols.q, [rate], clock)
 
 
 def test_derivatives_are_known_where_only_one_leg_is_asked():

@@ -36,6 +36,7 @@ def test_one_axis_is_a_line_for_each_branch(line):
     assert ax.get_title() == "problem: action $S$, 25 paths, 2 of them failed"
 
 
+@pytest.mark.long
 def test_without_indices_areas_are_branches_and_other_quantities_can_be_drawn(area):
     bare = ao.sweep(PROBLEM, {"t1": [1.0, 1.5, 2.0], "k": [0.5, 1.0, 1.5]})
     assert plot.runs(bare).get_legend_handles_labels()[1] == ["branch 0"]
@@ -54,6 +55,7 @@ def test_more_axes_cannot_be_drawn():
             plot.runs(ao.sweep(PROBLEM, over, zip=zipped))
 
 
+@pytest.mark.long
 def test_it_is_written_to_a_file(area, tmp_path):
     plot.save_runs(area, tmp_path / "map.svg")
     assert (tmp_path / "map.svg").read_text().startswith("<?xml")

@@ -91,6 +91,7 @@ def objects():
     ]
 
 
+@pytest.mark.long
 def test_every_public_type_is_printed_in_one_line():
     printed = {type(x): repr(x) for x in objects()}
     assert max(map(len, printed.values())) < 350 and not any("\n" in x for x in printed.values())

@@ -48,6 +48,7 @@ def test_a_chord_of_a_billiard_without_a_guess():
     assert chord.action == pytest.approx(8 * np.sqrt(5), rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_family_of_closed_paths_without_a_guess():
     """Poncelet's triangles."""
     triangle = ao.solve(ao.Problem(FREE, *ORBIT, through=[ELLIPSE] * 3), throw=False)

@@ -176,7 +176,12 @@ def test_a_fall_to_a_wall_meets_it_at_right_angles():
     fall = ao.solve(ao.Problem(BRACHISTOCHRONE, REST, end), tol=1e-10)
     assert abs(fall.action - np.pi / 2) < 1e-12 and fall.morse_index == 0
     assert np.abs(fall.end.q - [1, 2 / np.pi]).max() < 1e-10
-    (found,) = ao.solve_all(fall.problem.original, starts=1)
+
+
+@pytest.mark.long
+def test_there_is_no_other_fall_to_a_wall():
+    end = ao.Event(1, [None, None], on=lambda q, t: q[0] - 1)
+    (found,) = ao.solve_all(ao.Problem(BRACHISTOCHRONE, REST, end), starts=1)
     assert abs(found.action - np.pi / 2) < 1e-8
 
 

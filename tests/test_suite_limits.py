@@ -74,6 +74,7 @@ def test_bounds_that_cross_are_refused(limits, found):
         solvers.run("ipopt", problem, problem.start())
 
 
+@pytest.mark.long
 def test_a_solver_that_reads_nl_files(tmp_path):
     problem = suite.get("rod_pendulum")
     name = f"asl:{program(tmp_path)}"

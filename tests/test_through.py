@@ -410,6 +410,7 @@ def test_between_given_ends_times_of_events_stay_unknown():
     assert over(problem, 2.0) is problem
 
 
+@pytest.mark.long
 def test_rays_from_the_centre_and_back_are_a_family():
     wall = ao.Bounce(lambda q, t: 1 - q @ q)
     problem = ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [0, 0]), through=[wall])

@@ -535,12 +535,12 @@ def test_closed_paths_that_are_many_near_a_rough_guess():
         assert found.status.name == "DEGENERATE" and abs(found.action - 3 * np.pi) < 1e-9
 
 
-def test_rest_is_no_closed_path_of_a_sweep():
-    for start in (None, 0.0):
-        problem = ao.Problem(SPRING, free(0.0, [start]), ao.Periodic(5.0))
-        assert ao.solve(problem).success
-        with pytest.raises(ao.SolveError, match=r"2 NOT_FOUND of 2.*for a closed path that moves"):
-            ao.sweep(problem, {"t1": [4.0, 5.0]})
+@pytest.mark.parametrize("start", [None, pytest.param(0.0, marks=pytest.mark.long)])
+def test_rest_is_no_closed_path_of_a_sweep(start):
+    problem = ao.Problem(SPRING, free(0.0, [start]), ao.Periodic(5.0))
+    assert ao.solve(problem).success
+    with pytest.raises(ao.SolveError, match=r"2 NOT_FOUND of 2.*for a closed path that moves"):
+        ao.sweep(problem, {"t1": [4.0, 5.0]})
 
 
 def test_ipopt_and_a_mesh_find_the_period_of_a_closed_path():
@@ -768,6 +768,7 @@ def test_time_that_is_up_before_there_is_a_start_is_told(monkeypatch):
     assert found.status is ao.Status.OUT_OF_TIME
 
 
+@pytest.mark.long
 def test_a_guess_is_not_resolved_on_meshes_that_are_too_large_to_be_kept():
     """Corners at tol 1e-11 take thousands of elements, and the time that was given."""
     system = ao.System(lambda q, v, t: v @ v / 2 - q @ q / 2, ["x", "y"])
