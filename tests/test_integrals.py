@@ -194,10 +194,20 @@ def test_values_that_no_path_has_are_refused():
     short = ao.Problem(ROPE, ao.Event(0, [1]), ao.Event(1, [3]), integral=2.0)
     with pytest.raises(ValueError, match=r"no such path: the least is 2.23606798"):
         ao.solve(short)
+    with pytest.raises(ValueError, match="found 2, the least, which the straight line has alone"):
+        ao.solve(ao.Problem(ROPE, ao.Event(0, [1]), ao.Event(2, [1]), integral=2.0))
     area = systems.particle("x y", integral=lambda q, v, t: -np.sqrt(1 + v @ v))
     ends = ao.Event(0, [0, 0]), ao.Event(1, [3, 4])
     with pytest.raises(ValueError, match=r"found -2 and no such path: the largest is -5.0990"):
         ao.solve(ao.Problem(area, *ends, integral=-2))
+
+
+@pytest.mark.long
+def test_a_rope_that_is_hardly_longer_than_the_line_hangs():
+    """At y = 0, where the length of the straight line does not change with it to first order."""
+    found = ao.solve(ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0]), integral=2.001))
+    c = brentq(lambda c: c * np.sinh(1 / c) - 1.0005, 1, 100)
+    assert found(1.0)[0] == pytest.approx(c * (1 - np.cosh(1 / c)), rel=1e-7)
 
 
 def test_a_value_below_that_of_a_line_is_not_refused_where_the_integrand_bends_back_near_zero():

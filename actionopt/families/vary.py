@@ -75,8 +75,9 @@ def _of_events(problem: Problem, name: tuple) -> float:
     if kind in ("start", "end") or len(which) != parts or which[0] not in range(many):
         raise ValueError(
             "expected ('start', coordinate), ('end', coordinate), ('through', k, coordinate or "
-            f"'t') with k below {len(problem.through)}, the events between the ends, or "
-            f"('integral', i) with i below {values.size}, found {name!r}"
+            "'t') or ('integral', i), numbers that begin at 0, found "
+            f"{name!r} with {len(problem.through)} events between the ends and {values.size} given "
+            "integrals"
         )
     if kind == "integral":
         return float(values[which[0]])

@@ -97,7 +97,7 @@ def check_alike(problem: Any) -> None:
 
 
 def check_integrals(problem: Any) -> None:
-    """Raise ValueError for an integral that is less than the least, or more than the largest.
+    """Raise ValueError for an integral that is not more than the least, or less than the largest.
 
     Of g(v) that is convex, as a length is, the straight line has the least (Jensen's inequality).
     """
@@ -127,12 +127,20 @@ def check_integrals(problem: Any) -> None:
         size = CANCELLED * (np.abs(bends).max(axis=1) + of_value)[:, None]
         straight = T * float(of(way / T, packed)[0])
         for sign, most, few in ((1, "least", "less"), (-1, "largest", "more")):
-            off = sign * (straight - asked) > CANCELLED * abs(straight)
-            if off and (sign * bends >= -size).all():
+            beyond, rounding = sign * (straight - asked), CANCELLED * abs(straight)
+            if beyond < -rounding or not (sign * bends >= -size).all():
+                continue
+            if beyond > rounding:
                 raise ValueError(
                     "expected values of the integrals that a path between the events reaches, "
                     f"found {asked:g} and no such path: the {most} is {straight:.9g}, along the "
                     f"straight line, and none has {few}"
+                )
+            if (sign * bends > size).any():
+                raise ValueError(
+                    "expected values of the integrals that neighbours have as well, found "
+                    f"{asked:g}, the {most}, which the straight line has alone: nothing is left to "
+                    "vary, and no multiplier is determined; change the value"
                 )
 
 

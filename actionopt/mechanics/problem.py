@@ -264,8 +264,8 @@ class Problem:
         values = np.atleast_1d(values)
         if values.shape != (system.g.numel(),) or not np.isfinite(values).all():
             raise ValueError(
-                f"expected {system.g.numel()} finite values of integrals, one for each expression "
-                f"of the system's, found {self.integral!r}"
+                "expected as many finite values of integrals as the system has expressions, "
+                f"{system.g.numel()}, found {self.integral!r}"
             )
         if self.is_infinite:
             raise ValueError(

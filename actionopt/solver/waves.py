@@ -96,7 +96,8 @@ def first_waves(
 
     straight_on = np.zeros(len(shapes))
     step = _correct(tr, origin, variations, straight_on, asked)[1]
-    if (np.abs(step) <= 1).all():  # less than by a sine; not where slopes are round-off
+    # Less than by a sine; not where slopes vanish, as of the length of the shortest path.
+    if 0 < np.abs(step).max() <= 1:
         nearest = _project(tr, origin, variations, straight_on, asked)
         if nearest is not None:
             yield project_path(nearest), times
@@ -229,9 +230,9 @@ def _project(
 def _correct(
     tr: Transcription, origin: Array, variations: Array, a: Array, values: Array
 ) -> tuple[Array, Array]:
-    """Return by how much integrals (c,) are off, and the least step in a that mends it to first order.
+    """Return by how much integrals (c,) are off, and the least step in a that mends it.
 
-    NaN where they are no numbers.
+    To first order; NaN where they are no numbers.
     """
     reached, slopes = integrals(DiscretePath(tr, origin + a @ variations))
     off, J = reached - values, slopes @ variations[:, : slopes.shape[1]].T
