@@ -228,6 +228,7 @@ def test_files_that_do_not_work_say_why(capsys, tmp_path, text, message):
     [
         (["keplr"], "did you mean 'kepler'"),
         (["nowhere.py"], "found no file 'nowhere.py'"),
+        (["path.npz"], "a file FILE.py that defines `problem`, found 'path.npz'"),
         (["kepler", "--set", "mas=1"], "has no parameter 'mas'"),
         (["kepler", "--tol", "0"], "expected tol between"),
         (["damped_oscillator", "--principle", "least"], "non-conservative"),

@@ -144,7 +144,12 @@ class Member(Program):
     # -- judging -----------------------------------------------------------------------------
 
     def distance(self, x: Array, star: Array | None = None) -> float:
-        """Return max |x - x_star| in units of the coordinates, flat directions left out."""
+        """Return max |x - x_star| in units of the coordinates, flat directions left out.
+
+        Raises ValueError for anything but (n,) numbers.
+        """
+        if np.shape(x) != (self.n,):
+            raise ValueError(f"expected {self.n} numbers as x, found the shape {np.shape(x)}")
         away = (np.asarray(x) - (self.x_star if star is None else star)) / self.unit
         away = away - self.flat @ (self.flat.T @ away)
         return float(np.max(np.abs(away), initial=0.0))
