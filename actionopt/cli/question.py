@@ -29,7 +29,8 @@ def question(options: argparse.Namespace) -> tuple[Problem, Any]:
     own = name.endswith(".py")
     if not own and Path(name).suffix:
         raise ValueError(
-            f"expected the name of a scene, or a file FILE.py that defines `problem`, found {name!r}"
+            f"expected the name of a scene, or a file FILE.py that defines `problem`, found "
+            f"{name!r}"
         )
     found = scenes.from_file(Path(name), settings) if own else scenes.get(name, **settings)
     return (found.problem, found.guess) if isinstance(found, scenes.Scene) else (found, None)

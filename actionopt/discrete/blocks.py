@@ -314,7 +314,11 @@ class Condensed:
         self.last = matrix[:-f, :-f]
 
     def _carry(self, columns: Array, rows: Array, corner: Array) -> None:
-        """Border the last matrix with what eliminating all other nodes leaves of the border."""
+        """Border the last matrix with columns (size, b), rows (b, size) and a corner (b, b).
+
+        Eliminating all other nodes changes them as it changes the last matrix: what is left there
+        is their Schur complement.
+        """
         blocks, b = self.blocks, len(corner)
         self.across, C = self._eliminate(blocks.spread(rows.T), rows=True)
         for inner, y in zip(self.inner, self.across, strict=False):

@@ -330,7 +330,11 @@ class Bordered:
     def _by_times(
         self, at: DiscretePath, y: Array, bend: Bend, of_times: Array, edges: tuple[Array, ...]
     ) -> None:
-        """Turn derivatives by the times of events into those by the unknowns of `Times`."""
+        """Write derivatives by the unknowns of `Times` into the edges B, C and D of the matrix.
+
+        By the chain rule from those by the times of events: of the path's residual and of the times
+        themselves in `bend`, and of the other borders, (b, k + 2), in `of_times`.
+        """
         assert self.times_border is not None and bend.path is not None
         (border, part), size, (B, C, D) = self.times_border, len(bend.path), edges
         own = slice(part.start - size, part.stop - size)

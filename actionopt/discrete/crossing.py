@@ -64,7 +64,11 @@ class Jump:
 
 
 def first_crossing(found: Switches, problem: Problem, path: Path) -> Jump | None:
-    """Return the first jump of L that `path` crosses, or None."""
+    """Return the first jump of L that `path` crosses, or None.
+
+    Between samples of the path the values of the steps in L change; bisection finds when. It is a
+    jump where L differs with the values before and after, at one state.
+    """
 
     def state(since: Array) -> tuple[Array, Array, Array]:
         t = problem.start.t + since

@@ -483,7 +483,10 @@ class Pattern:
 
     @classmethod
     def build(cls, rows: int, cols: int, targets) -> Pattern:
-        """Return the pattern of the contributions at `targets`, pairs of index arrays."""
+        """Return the pattern of a sum of contributions at `targets`, pairs of index arrays.
+
+        What has a negative index is left out: its slot is one beyond the last nonzero.
+        """
         row = np.concatenate([t[0] for t in targets])
         col = np.concatenate([t[1] for t in targets])
         kept = np.flatnonzero((row >= 0) & (col >= 0))  # the others need not be sorted

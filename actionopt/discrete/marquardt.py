@@ -163,7 +163,11 @@ class _Masses:
 
 
 class _Systems:
-    """The two symmetric systems of a layout: for multipliers, and for steps."""
+    """The two symmetric systems of a layout: for multipliers, and for steps.
+
+    The pattern of `balancing` is that of [M, J'; J, 0], that of `stepping` of [-M, A; A', M] with
+    A = [H + F, J'; J, 0], for unknowns y and dz; `place` is where each of y is, dz behind it.
+    """
 
     def __init__(self, layout: Layout) -> None:
         n, size, rows = layout.unknowns, layout.size, np.arange(layout.unknowns, layout.size)

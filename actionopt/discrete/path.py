@@ -132,7 +132,8 @@ class Path:
     def on(self, mesh: Mesh) -> Path:
         """Return this curve interpolated on another mesh over the same times.
 
-        Where that has an end at rest and the curve has not, it is slowed down in the element there.
+        Where the mesh is that of a path which begins or ends at rest, and the curve does not, the
+        curve is run through more slowly in the element there.
         Raises ValueError for anything but a mesh.
         """
         if not isinstance(mesh, Mesh):
@@ -140,7 +141,7 @@ class Path:
         since = mesh.nodes_since
         for end, kind in enumerate(mesh.singular_ends):
             if kind == RESTING != self.mesh.singular_ends[end]:
-                since = self._slow_down(since, end, mesh.lengths[-end])
+                since = self._slow_down(since, end, mesh.lengths[(0, -1)[end]])
         return Path(mesh, self._since(self.values, 0, since))
 
     def _slow_down(self, since: Array, end: int, h: float) -> Array:

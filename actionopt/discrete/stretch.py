@@ -261,7 +261,7 @@ def explicit(system: System) -> Pointwise:
 
 
 def _explicit(system: System) -> Pointwise:
-    """Return the function of `explicit`, made anew."""
+    """Return the function (q, v, t, p, lam) -> derivatives by t and p of L + lam f."""
     s = system.symbols
     lam = ca.SX.sym("lam", system.m)
     L = system.L + (ca.dot(lam, system.f) if system.m else 0)

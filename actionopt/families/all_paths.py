@@ -355,15 +355,15 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
     q, v = size * rng.standard_normal((2, system.n, PERIOD_PROBES))
     duration = 1.0 if problem.free_time else problem.duration
     t = (problem.start.t or 0.0) + duration * rng.random(PERIOD_PROBES)
-    here = _everything(system, problem, q, v, t)
+    here = _laws_at(system, problem, q, v, t)
     result = []
     for i, name in enumerate(system.coordinates):
         if name in system.structure.cyclic:
             continue
         shift = np.zeros((system.n, 1))
         shift[i] = 1.0
-        turned = _everything(system, problem, q + 2 * np.pi * shift, v, t) - here
-        moved = _everything(system, problem, q + shift, v, t) - here
+        turned = _laws_at(system, problem, q + 2 * np.pi * shift, v, t) - here
+        moved = _laws_at(system, problem, q + shift, v, t) - here
         # A whole turn changes nothing; a step of one radian changes more than rounding does.
         both = np.isfinite(turned) & np.isfinite(moved)
         change = np.max(np.abs(moved[both]), initial=0.0)
@@ -373,8 +373,8 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
     return tuple(result)
 
 
-def _everything(system: System, problem: Problem, q: Array, v: Array, t: Array) -> Array:
-    """Return L, f and Q at q, v (n, K) and t (K,), one below the other, (1 + m + n, K)."""
+def _laws_at(system: System, problem: Problem, q: Array, v: Array, t: Array) -> Array:
+    """Return L, constraints and forces at q, v (n, K) and t (K,), in rows, (1 + m + n, K)."""
     state = *first_state(system, q.T, v.T), t[:, None], problem.packed
     with np.errstate(all="ignore"):
         rows = [system.pointwise("value")(*state)[0].T]

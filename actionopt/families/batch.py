@@ -250,7 +250,7 @@ class _Members:
                 new = block[chosen][self.known[block[chosen]]]
                 front.note_solved(chosen.size, new.size)
             else:
-                i, allowed = front.alone(left, self.budget.allows), self.budget.allows
+                i, allowed = front.next_alone(left, self.budget.allows), self.budget.allows
                 again = i is None and allowed and bool(lost)
                 i = lost.popleft() if again else i
                 if i is None:

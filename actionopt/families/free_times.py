@@ -36,7 +36,7 @@ def first_paths(
 ) -> tuple[list[tuple[Path, str]], ValueError | None]:
     """Return first paths and how each was found, and why none was asked for, if that is so."""
     paths = FirstPaths(problem, tol)
-    known = [(at.path, "durations") for at in chain(paths.near(), paths.longer_sought())]
+    known = [(at.path, "durations") for at in chain(paths.over_durations(), paths.longer_sought())]
     passing = _passages(problem, known, shots, windings, np.random.default_rng(seed))
     return known + [(path, "forward shots") for path in passing], paths.refused
 

@@ -70,11 +70,11 @@ class Front:
         """Take note of members that were given up, at points (.., columns)."""
         self._lost = np.concatenate([self._lost, points])
 
-    def alone(self, left: NDInt, behind: bool) -> int | None:
-        """Return who of those that are `left`, (k,) of bool, is to be solved alone; None if nobody.
+    def next_alone(self, left: NDInt, behind: bool) -> int | None:
+        """Return the number of the member to be solved next by itself, of those `left`, (k,) bool.
 
-        The nearest that does not lie behind a member that was given up; then, if it is asked for,
-        of those that do, the one farthest from all that were given up.
+        The nearest to known ones that does not lie behind a member that was given up; if none does
+        and `behind` asks for it, the one farthest from all that were given up. Else None.
         """
         here = np.flatnonzero(left & ~self._behind)
         if here.size:

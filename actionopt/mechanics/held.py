@@ -209,7 +209,7 @@ def contacts_of(problem: Problem) -> Held:
 
 
 def measures(lengths: Array) -> NDInt:
-    """Return powers of two (n,) near lengths (n,) of coordinates: one of all, if they are alike."""
+    """Return k (n,), 2^k near lengths (n,) of coordinates: the same of all, if they are alike."""
     sizes = np.round(np.log2(lengths)).astype(int)
     return np.full(sizes.shape, sizes.max()) if np.ptp(sizes) <= ALIKE else sizes
 

@@ -123,12 +123,16 @@ class FirstPaths:
                     yield at.path, at.rows, "duration"
         if not (self.problem.start.pinned and self.problem.end.pinned):
             yield from ((path, None, "motion") for path in self._motions_to_rest())
-        yield from ((at.path, at.rows, "duration") for at in self.near())
+        yield from ((at.path, at.rows, "duration") for at in self.over_durations())
         with suppress(ValueError):  # that no motion of the energy takes the straight line
             yield time_waypoints(self.problem, straight(self.problem).T), None, "line"
 
-    def near(self) -> Iterator[DiscretePath]:
-        """Yield paths over fixed durations, near those of the energy."""
+    def over_durations(self) -> Iterator[DiscretePath]:
+        """Yield paths over fixed durations, near those that have the energy.
+
+        Over the time that a motion of the energy takes along the straight line, or the durations
+        over which that line has the energy on average; then on both sides of the last of these.
+        """
         problem = self.problem
         t = given_time(problem)
         q = straight(problem)

@@ -47,7 +47,7 @@ def paths_to_points(
     """Yield paths to `points` on the surfaces, in the order of the actions along straight lines."""
     for k, (fixed, first) in enumerate(points(problem, pairs)):
         if fixed.free_time:
-            timed = FirstPaths(fixed, tol, watch).near()
+            timed = FirstPaths(fixed, tol, watch).over_durations()
             yield from (at.path for at in islice(timed, None if k < WITH_PAINS else 1))
             continue
         tr = Transcription(fixed, first.mesh, fixed.lengths)

@@ -127,11 +127,11 @@ class Touching(Along):
                 first, last = min(t[k], *(x.begin for x in near)), max(t[l], *(x.end for x in near))
                 arcs.append(Arc(i, float(first), float(last)))
         if not (self.cut or inside.any()):
-            arcs = self._lying(t, np.abs(depth) <= allowed, arcs)
+            arcs = self._join_moments(t, np.abs(depth) <= allowed, arcs)
         found = tuple(sorted(arcs, key=lambda arc: (arc.begin, arc.row)))
         return None if found == held.arcs else found
 
-    def _lying(self, t: Array, close: Array, arcs: list[Arc]) -> list[Arc]:
+    def _join_moments(self, t: Array, close: Array, arcs: list[Arc]) -> list[Arc]:
         """Return arcs in place of two moments between which the path lies on the obstacle."""
         found: list[Arc] = []
         for arc in sorted(arcs, key=lambda arc: (arc.row, arc.begin)):

@@ -188,8 +188,8 @@ def with_window_of(problem: Problem, like: Problem) -> Problem:
 def for_search(whole: Problem, tol: float) -> Problem:
     """Return the problem on a window, to search for paths of infinite time.
 
-    With one event at infinite time its coordinates are given at the edge of a longer window: more
-    ways of searching are open to such a problem, and few paths are held there that would not be.
+    With one event at infinite time the window is longer, and the coordinates at its edge are given,
+    as the path is all but at rest there: more ways of searching know such a problem.
 
     Raises ValueError as `first_window` does, and for paths from an equilibrium back to itself.
     """
