@@ -246,14 +246,13 @@ def _element_forms(
     for g in tr.layout.groups:
         check_time()
         a, b, c = (x[g.span].reshape(*g.nodes.shape, n, n) for x in coefficients)
-        rate = _kinetic(g, c, tr.half[g.elements])
-        whole = rate + _rest(g, a, b, tr.half[g.elements])
+        Z, half = basis[g.nodes], tr.half[g.elements]
+        rate = _reduce(_kinetic(g, c, half), Z)
+        check_time()
+        whole = rate + _rest(g, a, b, half, Z)
         if loose:
-            rate = rate + _rest(g, c / at.problem.duration**2, 0 * b, tr.half[g.elements])
-        Z = basis[g.nodes]
-        for target, local in ((elements, whole), (kinetic, rate)):
-            check_time()
-            reduced = _reduce(local, Z)
+            rate = rate + _rest(g, c / at.problem.duration**2, 0 * b, half, Z)
+        for target, reduced in ((elements, whole), (kinetic, rate)):
             for e, block in zip(g.elements, reduced, strict=True):
                 target[e] = block
     return elements, kinetic
@@ -544,15 +543,22 @@ def _kinetic(g, c: Array, half: Array) -> Array:
     return rate.reshape(E, k, k, n, n).transpose(0, 1, 3, 2, 4)
 
 
-def _rest(g, a: Array, b: Array, half: Array) -> Array:
-    """Return int (eta.a eta + 2 eta.b eta') dt alike; the half lengths of b's term cancel."""
-    wD = g.rule.weighted_derivative
-    mixed = np.einsum("ejab,jl->ejalb", b, wD)
-    result = mixed + mixed.transpose(0, 3, 4, 1, 2)
-    j = np.arange(len(wD))
+def _rest(g, a: Array, b: Array, half: Array, Z: Array) -> Array:
+    """Return Z'M Z, (E, (d + 1) r, (d + 1) r), of M in int (eta.a eta + 2 eta.b eta') dt.
+
+    Z (E, d + 1, n, r) are the bases of nodes; the half lengths of b's term cancel.
+    """
+    E, k, _, r = Z.shape
+    result, j = np.zeros((E, k, r, k, r)), np.arange(k)
     weighted = a * (half[:, None] * g.rule.weights)[:, :, None, None]
-    result[:, j, :, j, :] += weighted.transpose(1, 0, 2, 3)
-    return result
+    result[:, j, :, j, :] = (Z.swapaxes(2, 3) @ weighted @ Z).transpose(1, 0, 2, 3)
+    if b.any():
+        across = Z.swapaxes(2, 3) @ b
+        mixed = np.einsum("ejrb,elbs->ejrls", across, Z, optimize=True)
+        mixed *= g.rule.weighted_derivative[:, None, :, None]
+        result += mixed
+        result += mixed.transpose(0, 3, 4, 1, 2)
+    return result.reshape(E, k * r, k * r)
 
 
 def _reduce(local: Array, Z: Array) -> Array:
