@@ -289,3 +289,15 @@ def test_how_often_a_closed_path_runs_round_a_shorter_one_is_told():
     assert paths.rounds == (1, 2)
     assert str(paths).count("2 times round a closed path of duration 7.4163") == 1
     assert np.max(orbits[1](np.linspace(0, T, 200))) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_an_angle_is_one_on_all_legs():
+    def wire(law):
+        return ao.System(law, ["x", "y"], constraint=lambda q, t: q[1] - np.sin(q[0]))
+
+    well = wire(lambda q, v, t: v @ v / 2 - q[0] ** 2)
+    hills = wire(lambda q, v, t: v @ v / 2 + np.cos(q[0]))
+    ends = ao.Event(0, [0, 0]), ao.Event(1, [1, None])
+    step = ao.Event(None, None, on=lambda q, t: q[0] - 0.5)
+    for laws, angles in ([hills, hills], (0,)), ([well, hills], ()), ([hills, well], ()):
+        assert detected_angles(ao.Problem(laws, *ends, through=[step])) == angles

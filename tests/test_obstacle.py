@@ -30,9 +30,11 @@ def string():
     )
 
 
-def body(*rows, names="xy"):
+def body(*rows, names="xy", mass=1.0):
     """Return free motion outside of obstacles."""
-    return ao.System(lambda q, v, t: v @ v / 2, list(names), obstacle=lambda q, t: rows_of(rows, q))
+    return ao.System(
+        lambda q, v, t: mass * (v @ v) / 2, list(names), obstacle=lambda q, t: rows_of(rows, q)
+    )
 
 
 def rows_of(rows, q):
@@ -1171,3 +1173,13 @@ def test_a_power_as_an_obstacle_is_named():
     system = ao.System(lambda q, v, t: v @ v / 2 + 3 * q[0], ["y"], obstacle=lambda q, t: q[0] ** 3)
     with pytest.raises(ao.SolveError, match="found a power of the distance"):
         ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(3, [1.0])))
+
+
+@pytest.mark.long
+def test_a_string_whose_weight_changes_half_way_goes_round_a_disc_in_its_middle():
+    """Of the length l in all, a of it with the mass 1: a^2 + 4 (l - a)^2 is least, 4 l^2 / 5."""
+    length = 2 * np.sqrt(3) + np.pi / 3
+    laws = [body(disc()), body(disc(), mass=4.0)]
+    ends = ao.Event(0, [-2.0, 0.0]), ao.Event(1, [2.0, 0.0])
+    found = ao.solve(ao.Problem(laws, *ends, through=[ao.Event(0.5, None)]))
+    assert found.action == pytest.approx(0.8 * length**2, rel=1e-9)

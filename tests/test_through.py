@@ -638,3 +638,10 @@ def test_what_several_laws_do_not_share_is_named(tmp_path):
     ao.solve(problem).save(tmp_path / "ray.npz")
     with pytest.raises(ValueError, match="expected the systems of 2 legs, found one system"):
         ao.load(tmp_path / "ray.npz", media[0])
+
+
+def test_a_guess_that_passes_no_event_is_read():
+    wall = ao.Bounce(lambda q, t: 1 - (q[0] / 2) ** 2 - q[1] ** 2)  # of no slope at the middle
+    shot = ao.Problem(FREE, ao.Event(0, [-1, -0.2]), ao.Event(1, [1.2, 0.1]), through=[wall])
+    found = ao.solve(shot, guess=lambda t: np.zeros((2, t.size)), throw=False)
+    assert not found.success

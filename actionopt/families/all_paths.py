@@ -21,7 +21,6 @@ from actionopt.families.centres import guesses
 from actionopt.families.searches import SAME_PATH, SURE, Answers
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import first_state
-from actionopt.mechanics.system import System
 from actionopt.solver.arguments import check_problem
 from actionopt.solver.solve import solve_near
 from actionopt.solver.window import for_search
@@ -347,23 +346,28 @@ def _rounds(solution: Solution) -> int:
 
 
 def detected_angles(problem: Problem) -> tuple[int, ...]:
-    """Return the coordinates in which L, f and Q are periodic with 2 pi, and not constant."""
+    """Return the coordinates in which L, f and Q are periodic with 2 pi, and not constant.
+
+    On all legs, if these have laws of their own; none where integrals are given.
+    """
     system = problem.system
+    if problem.integral is not None:
+        return ()
     rng = np.random.default_rng(0)
     known = [x for e in (problem.start, problem.end) for x in e.q if x is not None]
     size = max(1.0, *(abs(x) for x in known)) if known else 1.0
     q, v = size * rng.standard_normal((2, system.n, PERIOD_PROBES))
     duration = 1.0 if problem.free_time else problem.duration
     t = (problem.start.t or 0.0) + duration * rng.random(PERIOD_PROBES)
-    here = _laws_at(system, problem, q, v, t)
+    here = _laws_at(problem, q, v, t)
     result = []
     for i, name in enumerate(system.coordinates):
         if name in system.structure.cyclic:
             continue
         shift = np.zeros((system.n, 1))
         shift[i] = 1.0
-        turned = _laws_at(system, problem, q + 2 * np.pi * shift, v, t) - here
-        moved = _laws_at(system, problem, q + shift, v, t) - here
+        turned = _laws_at(problem, q + 2 * np.pi * shift, v, t) - here
+        moved = _laws_at(problem, q + shift, v, t) - here
         # A whole turn changes nothing; a step of one radian changes more than rounding does.
         both = np.isfinite(turned) & np.isfinite(moved)
         change = np.max(np.abs(moved[both]), initial=0.0)
@@ -373,13 +377,17 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
     return tuple(result)
 
 
-def _laws_at(system: System, problem: Problem, q: Array, v: Array, t: Array) -> Array:
-    """Return L, constraints and forces at q, v (n, K) and t (K,), in rows, (1 + m + n, K)."""
-    state = *first_state(system, q.T, v.T), t[:, None], problem.packed
-    with np.errstate(all="ignore"):
-        rows = [system.pointwise("value")(*state)[0].T]
-        if system.m:
-            rows.append(system.constraint(q, t, parameters=problem.parameters))
-        if system.structure.forced:
-            rows.append(system.pointwise("force")(*state)[0].T)
+def _laws_at(problem: Problem, q: Array, v: Array, t: Array) -> Array:
+    """Return L, constraints and forces of each law at q, v (n, K) and t (K,), in rows (rows, K)."""
+    rows = []
+    for law in problem.laws or (problem.system,):
+        shared = {k: x for k, x in problem.parameters.items() if k in law.table.shapes}
+        packed = law.table.pack(law.table.values(shared))
+        state = *first_state(law, q.T, v.T), t[:, None], packed
+        with np.errstate(all="ignore"):
+            rows.append(law.pointwise("value")(*state)[0].T.copy())
+            if law.m:
+                rows.append(law.constraint(q, t, parameters=shared))
+            if law.structure.forced:
+                rows.append(law.pointwise("force")(*state)[0].T.copy())
     return np.concatenate(rows)

@@ -71,7 +71,10 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     if n == 1:
         return [None]
     tr = Transcription(problem, mesh, problem.lengths)
-    Q, joints, sizes = tr.straight(), tr.joints, 2.0 ** measures(problem.lengths)
+    Q, sizes = tr.straight(), 2.0 ** measures(problem.lengths)
+    last = len(problem.joints_found) - 1
+    bound = [k in (0, last) or bool(e.pinned) for k, e in enumerate(problem.joints_found)]
+    joints = tr.joints[bound]  # the others are passed wherever the line is then
     leg = np.minimum(np.searchsorted(joints, np.arange(len(Q)), side="right"), len(joints) - 1) - 1
     sides = np.array([_across(along) for along in np.diff(Q[joints], axis=0) / sizes])
     first, last = mesh.nodes_since[joints[leg]], mesh.nodes_since[joints[leg + 1]]

@@ -10,7 +10,6 @@ reflected from.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from time import perf_counter
@@ -623,8 +622,9 @@ def _pass_times(problem: Problem, t: Array, q: Array) -> Array:
         if event.on is not None:
             on, by_q, _ = event.on.along(q.T, t, packed)
             slope = np.linalg.norm(by_q * size[:, 0], axis=2)
-            with suppress(FloatingPointError):
-                off += np.sum((on / np.maximum(slope, slope.max(axis=0) * 1e-3)) ** 2, axis=1)
+            steepest = slope.max(axis=0)
+            floor = np.where(steepest > 0, 1e-3 * steepest, 1.0)
+            off += np.sum((on / np.maximum(slope, floor)) ** 2, axis=1)
         if event.t is not None:
             off += 1e6 * ((t - event.t) / (t[-1] - t[0])) ** 2
         # Where it comes nearest, lest two events on one surface are passed at one touch of it.
