@@ -227,6 +227,18 @@ def test_a_wall_that_moves_changes_the_energy():
     assert found.energy_jumps[0] == pytest.approx((after**2 - before**2) / 2, abs=1e-9)
 
 
+def test_an_event_on_a_circle_that_grows_is_found():
+    """On a circle of radius R = 1 + t / 4 the angle grows as t / R: R^2 times its rate is kept."""
+    ring = systems.particle("x y", constraint=lambda q, t: q @ q - (1 + t / 4) ** 2)
+    a, b = -1.0, 1.2
+    ends = ao.Event(0, [np.cos(a), np.sin(a)]), ao.Event(1, [1.25 * np.cos(b), 1.25 * np.sin(b)])
+    crossed = ao.Event(None, None, on=lambda q, t: q[1])
+    sol = ao.solve(ao.Problem(ring, *ends, through=[crossed]))
+    t = sol.problem.through[0].t
+    assert t / (1 + t / 4) == pytest.approx(-a / (b - a) / 1.25, abs=1e-8)
+    assert sol.action == pytest.approx((1.25 * (b - a) ** 2 + 1 / 16) / 2, rel=1e-8)
+
+
 def test_what_passes_through_a_wall_is_no_bounce():
     """The shortest way from a point over a line to another line beyond it."""
     line, beyond = ao.Bounce(lambda q, t: q[1]), ao.Event(1, None, on=lambda q, t: q[1] + 1)

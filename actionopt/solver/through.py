@@ -412,6 +412,12 @@ def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
     """
     places = path(times).T
     at = problem.found_at(times)
+    if at.system.m:  # constraints may move, and times were chosen after places
+        size = _sizes(problem, places)
+        for k, event in enumerate(problem.joints_found):
+            places[k] = onto(problem, event, places[[k]], times[[k]], size)[0]
+        if not np.isfinite(places).all():
+            return path
     known = zip(at.joints_found, places, strict=True)
     start, *through, end = (Event(e.t, q)._with_rates_of(e) for e, q in known)
     laws = at.laws or (at.system,)  # the legs do not know parameters of surfaces alone
