@@ -803,7 +803,7 @@ def _():
 @refuses(
     "infinite time",
     "accelerations",
-    says="rests at infinity are not known",
+    says="events at finite times of a Lagrangian with accelerations",
     because="none: a rest has two rates for each coordinate there",
 )
 def _():

@@ -254,8 +254,9 @@ def test_a_member_that_fails_is_data():
         and told == [("sweep", 3, 3, {"failed": 1})]
     )
     assert "the end event after the start event" in runs.messages[0]
-    with pytest.raises(ValueError, match=r"found t1 = -1 of the status REFUSED; `retry`"):
+    with pytest.raises(ValueError, match=r"found t1 = -1 of the status REFUSED: .* t1 = -1"):
         runs.solution(0)
+    assert repr(runs).endswith("branches 1; 1 refused: runs.messages)")
 
 
 @pytest.mark.long

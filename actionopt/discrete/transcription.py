@@ -109,9 +109,9 @@ class Transcription(Action):
         return second_quadrature.cuts(self, self.between_nodes, z[: self.layout.unknowns])
 
     def misread(self, z: Array) -> Array:
-        """Return the change of `residual`, (size,), if numbers are read as the floats next to them.
+        """Return the change of `residual`, (size,), as what it reads moves to the next floats.
 
-        Times, and the coordinates whose origin is far from zero.
+        That are the times, and the coordinates whose origin is far from zero.
         """
 
         def away(values: Array) -> Array:  # no way is preferred

@@ -195,6 +195,8 @@ class Runs:
         solved = f"{int(self.success.sum())} of {self.grid.size} solved"
         failed = f"; {self.failures}" if self.failures else ""
         failed += ": runs.retry()" if failed and self.retried != "fully" else ""
+        if refused := int((self.status == REFUSED).sum()):
+            failed += f"; {refused} refused: runs.messages"
         ended = "; interrupted" if self.interrupted else ""
         if remainder := self.remainder:
             ended += (
@@ -282,9 +284,10 @@ class Runs:
     def _solution(self, i: int) -> Solution:
         """Solve member i again. Raises ValueError as `solution` does."""
         if not self.success.flat[i]:
+            why = self.messages.get(i)
             raise ValueError(
                 f"expected a member that was solved, found {self.grid.text(i)} of the status "
-                f"{self.status.flat[i]}; `retry` tries it again"
+                f"{self.status.flat[i]}{'; `retry` tries it again' if why is None else f': {why}'}"
             )
         problem = self.grid.member(i)
         found = solve(problem, guess=self._near(problem, i), tol=self.tol, throw=False)

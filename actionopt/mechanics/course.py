@@ -210,11 +210,15 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
                     f"expected {n} values of {name} ({', '.join(system.coordinates)}) at an event, "
                     f"found {len(row)}"
                 )
-        if system.order > 1 and (isinstance(event, Bounce) or math.isinf(event.t or 0)):
+        if system.order > 1 and isinstance(event, Bounce):
+            raise ValueError(
+                "expected no Bounce of a Lagrangian with accelerations, found one: velocities are "
+                "continuous along its paths, so that nothing is reflected"
+            )
+        if system.order > 1 and math.isinf(event.t or 0):
             raise ValueError(
                 "expected events at finite times of a Lagrangian with accelerations, found "
-                f"{event!r}: velocities are continuous there, so that nothing is reflected, and "
-                "rests at infinity are not known"
+                f"{event!r}; give a finite time, long beside those in which paths come to rest"
             )
 
 

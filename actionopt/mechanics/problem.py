@@ -271,8 +271,8 @@ class Problem:
             raise ValueError(
                 "expected a path between finite events where integrals are given, found an "
                 "infinite time: the rest there, and the rates at which a path tends to it, are "
-                "those of L + kappa.g, and kappa is found with the path; give a finite time, long "
-                "beside these rates"
+                "those of L + kappa.g, and kappa is found with the path; give a finite time, of "
+                "many times in which it decays"
             )
         object.__setattr__(self, "integral", tuple(values.tolist()))
         object.__setattr__(self, "plain", system)

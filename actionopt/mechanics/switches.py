@@ -236,7 +236,7 @@ POSITIVE: Sign = (1, frozenset())
 
 
 def is_jumpless(lagrangian: Tape) -> bool:
-    """Return whether it is plain that L cannot step: where it is finite it varies as widely as q.
+    """Return whether it is plain that L has no jump where it is finite.
 
     So it is for polynomials, sines and cosines of q and v, with one root, logarithm or quotient of
     a constant by these in q, or several of one sign: where their arguments vanish L has a kink, or

@@ -94,7 +94,11 @@ def _rank(solution: Solution) -> tuple[bool, float]:
 def _between_given(
     problem: Problem, guess: Guess | None, watch: Watch | None
 ) -> Iterator[Solution]:
-    """Yield paths between given events near what is asked."""
+    """Yield paths along the obstacle between given events, near those that are to be found.
+
+    Between points near each other on the surfaces of the ends, and over the duration that the
+    energy takes along each path: the path and its duration are found in turn.
+    """
     if problem.through:
         yield from _through_given(problem, guess, watch)
         return
