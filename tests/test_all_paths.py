@@ -10,6 +10,7 @@ from helpers import integrated, slow
 
 import actionopt as ao
 from actionopt import scenes
+from actionopt.analysis import shooting
 from actionopt.families import searches
 from actionopt.families.all_paths import Paths, detected_angles, solve_all
 from actionopt.families.searches import Answers
@@ -37,6 +38,7 @@ def test_bratu(lam, actions):
     found = solve_all(systems.bratu(lam), tol=1e-9, starts=2, shots=8, continuations=1)
     assert [s.action for s in found] == pytest.approx(actions, rel=1e-8)
     assert found.indices == (0, 1)[: len(actions)]
+    assert found.searched["continuations"] == len(found)
     assert not found.complete and "may be others" in str(found)
 
 
@@ -301,3 +303,11 @@ def test_an_angle_is_one_on_all_legs():
     step = ao.Event(None, None, on=lambda q, t: q[0] - 0.5)
     for laws, angles in ([hills, hills], (0,)), ([well, hills], ()), ([hills, well], ()):
         assert detected_angles(ao.Problem(laws, *ends, through=[step])) == angles
+
+
+def test_velocities_that_are_tried_along_one_coordinate_go_both_ways():
+    far, random = np.array([1.0]), np.random.default_rng(0)
+    problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0))
+    (tried,) = shooting.velocities(problem, far, 20, random)
+    assert tried == pytest.approx(-tried[::-1])
+    assert np.all(np.diff(tried) >= 0)

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt.families.centres import guesses
+from actionopt.mechanics.rest import rest
 from actionopt.solver.solve import solve_near
 from actionopt.solver.window import for_search
 
@@ -347,3 +348,11 @@ def test_a_rest_at_zero_may_have_the_force_of_round_off():
     pushed = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 + 1e-10 * q[0], ["x"])
     with pytest.raises(ValueError, match=r"expected an equilibrium.*one is near \[-1e-10\]"):
         ao.solve(ao.Problem(pushed, *ends))
+
+
+def test_near_a_rest_a_path_decays_by_its_rates():
+    hill = ao.System(lambda q, v, t: (v[0] ** 2 + 4 * q[0] ** 2) / 2, ["x"])
+    near = rest(hill, np.zeros((1, 0)), np.zeros(1), 0.0, 1)
+    since = np.array([0.0, 0.7, INF])
+    assert near.beyond(np.array([0.3]), since)[0] == pytest.approx(0.3 * np.exp(-2 * since))
+    assert near.beyond(np.array([0.3]), since[:1])[0] == pytest.approx([0.3])

@@ -13,7 +13,7 @@ from helpers import a_quarter, slow
 import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
-from actionopt.solver import first_contacts, least_along
+from actionopt.solver import first_contacts, free_contact, least_along
 from actionopt.solver.first_contacts import other_sides
 from actionopt.tools.watch import OutOfTime
 
@@ -1183,3 +1183,24 @@ def test_a_string_whose_weight_changes_half_way_goes_round_a_disc_in_its_middle(
     ends = ao.Event(0, [-2.0, 0.0]), ao.Event(1, [2.0, 0.0])
     found = ao.solve(ao.Problem(laws, *ends, through=[ao.Event(0.5, None)]))
     assert found.action == pytest.approx(0.8 * length**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("energy", [None, 2.0])
+def test_of_two_paths_along_an_obstacle_the_one_of_less_action_is_better(energy):
+    """Given energy it is S + E T that is less."""
+
+    def found(action, duration):
+        asked = SimpleNamespace(energy=energy)
+        answer = {"problem": asked, "success": True, "action": action, "duration": duration}
+        return free_contact._rank(SimpleNamespace(**answer))
+
+    assert found(1.0, 1.0) < found(1.5, 1.0)
+    assert (found(1.0, 2.0) < found(1.5, 1.0)) is (energy is None)
+
+
+def test_the_action_of_a_polygon_is_that_along_its_sides():
+    fall = ao.System(lambda q, v, t: v @ v / 2 - (9.81 + t) * q[1], ["x", "y"])
+    problem = ao.Problem(fall, ao.Event(0, [0, 0]), ao.Event(3, [2, 1]))
+    polygon = ao.Path(ao.Mesh([0.0, 1.0, 3.0], 1), np.array([[0.0, 1.0, 2.0], [0.0, 4.0, 1.0]]))
+    exact = (1 + 16) / 2 + (1 + 9) / 4 - 10.31 * 2 - 2 * 11.81 * 2.5  # by its middles
+    assert least_along._action_of(problem, polygon) == pytest.approx(exact, rel=1e-14)

@@ -8,6 +8,7 @@ from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import Periodic, plot, scenes
+from actionopt.analysis.monodromy import Monodromy
 
 CLOSED = 1e-10  # return of position and momentum
 
@@ -514,3 +515,9 @@ def test_a_guess_that_is_a_member_of_a_family_is_kept(name):
     assert solution.status is ao.Status.DEGENERATE
     for t in np.linspace(0, T, 17):
         assert np.max(np.abs(solution(t) - member(t))) < 1e-9
+
+
+@pytest.mark.parametrize("z", [3.0, -3.0])
+def test_the_larger_of_a_pair_of_multipliers_comes_first(z):
+    pair = np.diag([1 / z, z]).view(Monodromy).eigenvalues
+    assert pair == pytest.approx([z, 1 / z], rel=1e-14)

@@ -143,3 +143,10 @@ def test_rows_that_come_and_go_by_turns_are_said_not_to_settle(monkeypatch):
     none = np.zeros((tr.layout.node_count, 1), dtype=bool)
     with pytest.raises(ValueError, match="its active set does not settle"):
         active_set.star(tr, tr.pack(tr.straight()), none)
+
+
+def test_a_row_that_neither_pushes_nor_is_violated_stays_as_it_was():
+    tr = suite.get("string_floor", elements=2).transcription
+    Q = np.zeros((tr.layout.node_count, 1))  # along the floor
+    for on in (np.zeros(Q.shape, dtype=bool), np.ones(Q.shape, dtype=bool)):
+        assert np.array_equal(active_set._next_set(tr, on, tr.pack(Q, 0 * Q)), on)

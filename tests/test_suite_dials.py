@@ -128,3 +128,16 @@ def test_the_tables_of_dials_have_the_members_on_these(tmp_path, monkeypatch):
     records = [record("a", "kepler", {"eccentricity": e}) for e in (0.2, 0.8)]
     text = dial_report.write(records, tmp_path).read_text()
     assert "<h2>Eccentricity</h2>" in text and "<h2>Links</h2>" not in text
+
+
+@pytest.mark.parametrize(("values", "scales"), [((1.0, 40.0), []), ((1.0, 60.0), ["log"])])
+def test_values_over_more_than_a_decade_and_a_half_are_drawn_by_their_logarithms(
+    monkeypatch, values, scales
+):
+    found = []
+    axes = SimpleNamespace(set_xscale=found.append)
+    monkeypatch.setattr("actionopt.plot.profiles.dial", lambda curves, xlabel: axes)
+    monkeypatch.setattr(dial_report, "figure", lambda *_: "")
+    dial = SimpleNamespace(values=values, parameter="k", name="k")
+    dial_report._figure({}, Path(), dial)
+    assert found == scales

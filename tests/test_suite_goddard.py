@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import lsq_linear
+from scipy.optimize import brentq, lsq_linear
 
 from actionopt import suite
+from actionopt.suite.models import goddard
 from actionopt.suite.models.goddard import greatest_height
 
 MOST, EXHAUST, DRY = 3.5, 0.5, 0.6
@@ -130,3 +131,13 @@ def test_the_shortest_flight_is_not_stationary_whatever_the_thrust(thrust):
 def test_a_thrust_without_a_singular_arc_is_refused(most):
     with pytest.raises(ValueError, match="so much thrust that a singular arc is flown"):
         suite.model("goddard_rocket", most=most)
+
+
+def test_the_thrust_on_the_singular_arc_stays_on_it():
+    h, m = 1.005, 0.8
+    v = brentq(lambda v: goddard._beyond(np.array([h, v, m, 0.0])), 0.01, 1.0)
+    y = np.array([h, v, m, 0.0])
+    step = 1e-6 * goddard._rate(y, goddard._thrust(y))
+    assert (goddard._beyond(y + step) - goddard._beyond(y - step)) / 2e-6 == pytest.approx(
+        0, abs=1e-6
+    )

@@ -706,3 +706,9 @@ def test_each_choice_of_sides_has_its_minimum(name):
     assert score(problem, points) == 1.0
     with pytest.raises(ValueError, match="expected a member with discs"):
         ways(suite.get("pendulum"))
+
+
+def test_inside_of_its_bounds_nothing_is_violated():
+    model = suite.model("string_above_floor")
+    x = model.start()
+    assert np.min(x - model.bounds[0]) > 0.5 and model.violation(x) == 0.0

@@ -139,6 +139,8 @@ def test_every_coordinate_of_a_closed_path_has_to_close(torn):
     solution = ao.solve(problem)
     with pytest.raises(ValueError, match=f"found that {'xy'[torn]} differs by"):
         variation(solution, lambda t: np.stack([np.cos(t) + (k == torn) * t / 3 for k in (0, 1)]))
+    S = variation(solution, lambda t: np.stack([np.cos(t), np.sin(t)]))  # which closes
+    assert S(0.3) == pytest.approx(solution.action - np.pi * 0.3**2, rel=1e-9)
 
 
 def test_a_varied_path_ends_on_its_surface():
