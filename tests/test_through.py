@@ -645,6 +645,8 @@ def test_what_several_laws_do_not_share_is_named(tmp_path):
     assert "leg_times" not in repr(problem)
     with pytest.raises(ValueError, match=r"'n', of which the systems have the values 1, 1\.5"):
         problem.replace(parameters={"n": 2.0})
+    with pytest.raises(ValueError, match="found 'n', of which the systems have the values"):
+        ao.sweep(problem, {"n": [1.0, 2.0]})
     with pytest.raises(ValueError, match=r"the parameters are none$"):
         problem.replace(parameters={"m": 2.0})
     ao.solve(problem).save(tmp_path / "ray.npz")

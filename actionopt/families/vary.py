@@ -11,6 +11,7 @@ from actionopt.analysis.sensitivity import slopes
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.borders import times_over
 from actionopt.discrete.path import Path
+from actionopt.mechanics.course import check_shared
 from actionopt.mechanics.events import Event, Tail
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
@@ -56,6 +57,8 @@ def present(problem: Problem, name: Name) -> float:
     known = {k: x for k, x in problem.parameters.items() if k not in (SWITCHES, MULTIPLIERS)}
     if isinstance(name, str) and name in known and np.ndim(known[name]) == 0:
         return float(known[name])
+    if isinstance(name, str):
+        check_shared(problem, [name])
     raise ValueError(
         "expected the name of a parameter that is one number, 't0', 't1', 'energy' where a time is "
         "free, ('start', coordinate), ('end', coordinate), ('through', number, coordinate or 't') "

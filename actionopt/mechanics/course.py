@@ -14,7 +14,7 @@ time is free, up to -mu.on_t (the conditions of Weierstrass and Erdmann; Gelfand
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -27,6 +27,7 @@ from actionopt.mechanics.identity import general_points, vanishes
 from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_surface
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import STATE, SWITCHES, Symbols
+from actionopt.tools.shown import brief
 from actionopt.tools.types import Array
 
 
@@ -102,6 +103,18 @@ def _check_alike(rows: Sequence[ca.SX], s: Symbols) -> None:
             raise ValueError(
                 "expected the same constraints and obstacles on all legs, found others: where legs "
                 "meet a path would have to keep both; give all of them the same"
+            )
+
+
+def check_shared(problem: Any, names: Iterable[str]) -> None:
+    """Raise ValueError for the name of a parameter of which each leg keeps its own value."""
+    for name in names:
+        own = [law.table.defaults[name] for law in problem.laws if name in law.table.shapes]
+        if own and name not in problem.system.table.shapes:
+            raise ValueError(
+                f"expected parameters that are the same on all legs, found {name!r}, of which the "
+                f"systems have the values {', '.join(map(brief, own))}: each leg keeps its own; "
+                "call it by another name in each system to change one"
             )
 
 

@@ -22,6 +22,7 @@ from actionopt.mechanics.course import (
     check_course,
     check_rates,
     check_rates_on_constraints,
+    check_shared,
     take_turns,
 )
 from actionopt.mechanics.events import Bounce, Event, Periodic
@@ -35,7 +36,7 @@ from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.checks import by_name, entries, numbers
-from actionopt.tools.shown import brief, one_line
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array, NDInt
 
 # Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
@@ -170,23 +171,12 @@ class Problem:
             system = with_parameters(self.system, events, self.parameters)
             object.__setattr__(self, "system", system)
         if self.laws:
-            self._check_shared()
+            check_shared(self, by_name(self.parameters, "parameters"))
         values = self.system.table.values(self.parameters)
         if self.laws:
             values[SWITCHES] = np.array([_time(e) for e in self.through])
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
-
-    def _check_shared(self) -> None:
-        """Raise ValueError for a parameter of which each leg keeps its own value."""
-        for name in by_name(self.parameters, "parameters"):
-            own = [law.table.defaults[name] for law in self.laws if name in law.table.shapes]
-            if own and name not in self.system.table.shapes:
-                raise ValueError(
-                    f"expected parameters that are the same on all legs, found {name!r}, of which "
-                    f"the systems have the values {', '.join(map(brief, own))}: each leg keeps its "
-                    "own; call it by another name in each system to change one"
-                )
 
     def _set_ends(self) -> None:
         """Set coordinates and surfaces of the ends; raise ValueError where they do not fit."""
