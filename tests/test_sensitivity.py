@@ -345,3 +345,25 @@ def test_what_an_event_leaves_free_follows_the_constraint(where):
     assert at[0] == pytest.approx([by_b, 0, 0], abs=1e-9)
     assert at[1] == pytest.approx(by_T, rel=1e-9)
     assert found.parameters["c"] == pytest.approx(by_c, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("more", "constraint", "exact"),
+    [
+        (lambda q, v, a: 0.0, None, 4.0),  # S = 4 a^3 / 3
+        (lambda q, v, a: 3 * a * q[0] ** 2 * v[0], None, 12.0),  # and 2 a^4, of d(a q^3)/dt
+        # S = 4 a^3 sqrt(1 + a^2) / 3
+        (lambda q, v, a: v[1] ** 2 / 2, lambda q, t, *, a: q[1] - a * q[0], 14 * np.sqrt(2) / 3),
+    ],
+)
+def test_a_parameter_that_moves_an_equilibrium_at_infinite_time(more, constraint, exact):
+    rows = {} if constraint is None else {"constraint": constraint}
+    kink = ao.System(
+        lambda q, v, t, *, a: v[0] ** 2 / 2 + (q[0] ** 2 - a**2) ** 2 / 2 + more(q, v, a),
+        ["x", "y"][: 1 + len(rows)],
+        parameters={"a": 1.0},
+        **rows,
+    )
+    ends = ao.Event(-np.inf, [-1.0] * kink.n), ao.Event(np.inf, [1.0] * kink.n)
+    slope = ao.solve(ao.Problem(kink, *ends)).sensitivity().parameters["a"]
+    assert slope == pytest.approx(exact, abs=1e-8)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
 from actionopt.analysis.assembled import AssembledForm, assemble
@@ -29,6 +30,8 @@ from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.mechanics.course import jet_normals
 from actionopt.mechanics.events import RATES
 from actionopt.mechanics.held import Held
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.blas import one_thread
@@ -196,6 +199,11 @@ def slopes(
         still, held = np.zeros_like(at_rest), np.tile(known.lam, (len(tr.times), 1))
         level = explicit(system)(at_rest, still, tr.times, problem.packed, held)[1]
         packed = packed - np.sum(tr.weight * level, axis=0)
+        for k, rest in ((0, problem.rests[0]), (-1, problem.rests[1])):
+            if rest is not None:  # S beyond the edge is one of q less its place at rest
+                by_q, by_p = _rest_by_parameters(problem, rest, float(ends[k, 0]))
+                change = momenta[k] @ by_q - (at.Q[k] - rest.q) @ by_p
+                packed = packed + (change if k else -change)
         L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
         times[0] = 0.0 if problem.start.side else times[0] + float(L[0])
         times[-1] = 0.0 if problem.end.side else times[-1] - float(L[1])
@@ -207,6 +215,25 @@ def slopes(
         "integral": -problem.kappa,
         "parameters": packed,
     }
+
+
+def _rest_by_parameters(problem: Problem, rest: Rest, t: float) -> tuple[Array, Array]:
+    """Return the derivatives of q and p at rest by the packed parameters, (n, p) each."""
+    system = problem.system
+
+    def build() -> ca.Function:
+        s, lam = system.symbols, ca.SX.sym("lam", system.m)
+        L = system.L + (ca.dot(lam, system.f) if system.m else 0)
+        forces, momenta = ca.vertcat(ca.jacobian(L, s.q).T, system.f), ca.jacobian(L, s.v).T
+        unknown = ca.vertcat(s.q, lam)
+        by = [ca.jacobian(x, y) for x in (forces, momenta) for y in (unknown, s.p)]
+        return ca.Function("rest", [s.q, s.v, s.t, s.p, lam], [ca.densify(x) for x in by])
+
+    function, still = system.memoize("rest by parameters", build), np.zeros(system.n)
+    found = function(rest.q, still, t, problem.packed.ravel(), rest.lam)
+    K, loads, slopes, direct = (x.full() for x in found)
+    change = -np.linalg.lstsq(K, loads)[0]
+    return change[: system.n], slopes @ change + direct
 
 
 def _reaction(
