@@ -8,7 +8,6 @@ from copy import deepcopy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -32,6 +31,8 @@ from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
 if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
     from actionopt.analysis.compare import Comparison
     from actionopt.analysis.index import Inertia
     from actionopt.analysis.sensitivity import Sensitivity

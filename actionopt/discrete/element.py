@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.tools.blas import by_each
@@ -102,7 +101,7 @@ class Element:
             power = np.linalg.matrix_power(self.rule.derivative, k)
             rows[k], rows[k - r] = power[0], power[-1]
         inner = x.size - 2 * r
-        rows[r : r + inner] = w * legendre.legvander(x, inner)[:, :inner].T
+        rows[r : r + inner] = w * np.polynomial.legendre.legvander(x, inner)[:, :inner].T
         return rows, np.where(np.isin(np.arange(x.size), self.ends), -self.derivative, 1)
 
     def derivatives(self, local: Array) -> list[Array]:
@@ -149,7 +148,7 @@ def element(degree: int, order: int) -> Element:
             f"derivatives of order {order}, found degree {degree}: its path has {order - 1} "
             "continuous derivatives"
         )
-    rule, ends = lgl(degree), np.arange(order)
+    rule, ends, legendre = lgl(degree), np.arange(order), np.polynomial.legendre
     inner = np.arange(order, degree - order + 1)
     node = np.r_[0 * ends, inner, 0 * ends + degree]
     derivative = np.r_[ends, 0 * inner, ends]
@@ -168,7 +167,7 @@ def element(degree: int, order: int) -> Element:
 
 def _hermite(side: int, derivative: int, order: int) -> Array:
     """Return the Legendre coefficients of the polynomial with one derivative one at one end."""
-    count = 2 * order
+    count, legendre = 2 * order, np.polynomial.legendre
     table = [
         [legendre.legval(x, legendre.legder(row, k)) for row in np.eye(count)]
         for x in (-1.0, 1.0)
@@ -185,7 +184,7 @@ def _bubble(degree: int, order: int) -> Array:
     So Newton's matrix is of one size in all of them.
     """
     k = degree - order
-    return legendre.legint(np.eye(k + 1)[-1] * np.sqrt(k + 0.5), order, lbnd=-1)
+    return np.polynomial.legendre.legint(np.eye(k + 1)[-1] * np.sqrt(k + 0.5), order, lbnd=-1)
 
 
 def with_degrees(mesh: Mesh, order: int) -> Mesh:

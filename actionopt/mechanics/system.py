@@ -6,11 +6,9 @@ Every quantity of Lagrangian mechanics is a short formula in L(q, v, t) and its 
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from html import escape
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -366,6 +364,8 @@ class System(NumericLaws):
 
         The `repr` where they are too long to be read, or hold no formula.
         """
+        from html import escape
+
         from actionopt.mechanics.written import equations, lagrangian
         from actionopt.tools.formula import formula
         from actionopt.tools.mathml import mathml
@@ -532,6 +532,8 @@ class System(NumericLaws):
         """
         defaults = {name: (x.shape, x.tobytes()) for name, x in self.table.defaults.items()}
         said = (self.coordinates, self.name, defaults, self._law.serialize())
+        import hashlib
+
         return hashlib.sha256(repr(said).encode()).hexdigest()
 
     def check_free(self, what: str) -> None:

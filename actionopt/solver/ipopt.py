@@ -15,19 +15,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import Bend, Gradient
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.interrupts import raised_later
 from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.discrete.bordered import Bordered
 
 Principle = Literal["least", "patient least", "stationary"]
 
@@ -153,12 +154,16 @@ class _Given:
         return self.without.gradient(x)
 
     def constraint(self, x: Array) -> Array:
+        from actionopt.discrete.borders import Gradient
+
         at, none = DiscretePath(self.without, x), Gradient(np.zeros(0), np.zeros(0))
         own = [b.residual(at, np.zeros(b.size), none) for b in self.bordered.borders]
         rows = self.without.constraint(x) if self.layout.rows else np.zeros(0)
         return np.concatenate([rows, *own])
 
     def jacobian(self, x: Array) -> Array:
+        from actionopt.discrete.borders import Bend
+
         at, none = DiscretePath(self.without, x), Bend(np.zeros(0))
         own = [b.derivative(at, np.zeros(b.size), none).rows for b in self.bordered.borders]
         dense = np.concatenate(own)[:, : self.layout.unknowns].ravel(order="F")
@@ -282,7 +287,7 @@ def find(
     """
     if not is_there():
         return Attempt(z, ABSENT, 0)
-    given = _Given(equations) if isinstance(equations, Bordered) else equations
+    given = equations if isinstance(equations, Transcription) else _Given(equations)
     kind = f"{principle} {given.added}" if isinstance(given, _Given) else principle
     solvers = given.layout.solvers
     if kind not in solvers:

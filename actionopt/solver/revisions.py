@@ -19,7 +19,6 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
-from actionopt.solver import window
 from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.family import LOST, softest_condition
@@ -68,6 +67,8 @@ def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
 
     A saddle that nothing asked for, or where nothing was found, is left for the path below.
     """
+    from actionopt.solver import window
+
     tolerance(choices.tol)
     here = window.first_window(problem.whole, guess, choices.tol, choices.mesh)
     inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
@@ -124,6 +125,8 @@ def _on_window(problem: Problem, guess: Guess | None, choices: Choices) -> Found
 
 def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[Found]:
     """Yield what is found from a guess or from the straight line, and from a step at rest."""
+    from actionopt.solver import window
+
     found = windows(problem, guess, choices)
     yield found
     lost = not found[0].success and found[0].status is not Status.OUT_OF_TIME
@@ -255,6 +258,8 @@ def explain_dwelling(
         return found
     if not (solution.status in DWELT or _is_at_rest(solution)):
         return found
+    from actionopt.solver import window
+
     whole = window.infinite_problem(problem)
     if whole is None or (solution.success and not solution.inertia.nullity):
         return found

@@ -35,7 +35,6 @@ from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
-from actionopt.solver.window import graded_mesh, step
 from actionopt.solver.workspace import FEW_COORDINATES, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime, Watch
 
@@ -412,7 +411,12 @@ class Search:
 
     def uniform(self, elements: int, degree: int) -> Mesh:
         """Return the mesh of so many elements on which a path is sought: uniform, but to rest."""
-        return graded_mesh(self.ws.problem, elements, degree)
+        problem = self.ws.problem
+        if not problem.has_tails:
+            return Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
+        from actionopt.solver.window import graded_mesh
+
+        return graded_mesh(problem, elements, degree)
 
     def _curved_line(self, mesh: Mesh) -> Path:
         """Return a line between the events curved to one side in every coordinate."""
@@ -425,6 +429,10 @@ class Search:
 
     def _step(self, mesh: Mesh) -> Path | None:
         """Return a step from rest to rest over a window; None elsewhere, for the straight line."""
+        if not self.ws.problem.has_tails:
+            return None
+        from actionopt.solver.window import step
+
         found = step(self.ws.problem)
         return None if found is None else Path.interpolate(found, mesh)
 
