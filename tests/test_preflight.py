@@ -9,6 +9,7 @@ from actionopt import Event, Mesh, Problem, System
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.solver.preflight import check
+from actionopt.solver.verdict import _unplaced
 
 
 def kinetic(v):
@@ -417,3 +418,10 @@ def test_derivatives_that_overflow_where_the_lagrangian_does_not():
         lambda q, v, t: kinetic(v) - np.sqrt(q[0] ** 2) - np.sqrt(q[1] ** 2), ["x", "y"]
     )
     assert ao.solve(Problem(corners, *line(2)), throw=False).status.stationary
+
+
+def test_coordinates_with_which_an_event_keeps_no_constraint_are_named():
+    circle = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    ends = ao.Event(0, [2, None]), ao.Event(1, [None, 0.9])
+    (said,) = _unplaced(ao.Problem(circle, *ends))
+    assert said.startswith("no y was found with which the start event keeps the constraints")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from time import perf_counter
 from typing import Any
 
@@ -9,12 +10,15 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.surfaces import onto
+from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import ABSENT, is_there
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
 
 # Verdicts on paths of which nothing is known but what their mesh leaves out.
 UNKNOWN = (Status.NOT_FOUND, Status.OUT_OF_TIME, Status.UNRESOLVED)
+TRIED_PLACES = 16  # from which one that keeps the constraints is sought; ad hoc
 
 
 def solution_of(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
@@ -53,6 +57,8 @@ def message_of(solution: Solution, tol: float, hint: str = "", reason: str = "")
     A `reason` that is known stands in place of those that may be.
     """
     problem, status = solution.problem, solution.status
+    if status is Status.NOT_FOUND and problem.system.m and not reason:
+        reason = "; ".join(_unplaced(problem))
     verdict = f"{status.value.partition(': (a)')[0]}: {reason}" if reason else status.value
     figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
     if status in (Status.FLOOR, Status.DEGENERATE):
@@ -75,3 +81,22 @@ def message_of(solution: Solution, tol: float, hint: str = "", reason: str = "")
     if status is Status.NOT_FOUND and not is_there():
         hint += f"; {ABSENT}, which finds some paths that nothing else does"
     return f"{problem.name}: {verdict} ({figures}){hint}"
+
+
+def _unplaced(problem: Problem) -> Iterator[str]:
+    """Yield which end gives coordinates with which no point of the constraints was found."""
+    system, names = problem.system, problem.system.coordinates
+    spread = np.random.default_rng(0).standard_normal((TRIED_PLACES, system.n))
+    ends = ("start", problem.start), ("end", problem.end)
+    for role, event in ends[: 1 if problem.advance is not None else 2]:
+        free = [name for name, x in zip(names, event.q, strict=True) if x is None]
+        if event.t is None or not event.pinned or not free:
+            continue
+        times = np.full(TRIED_PLACES, event.t)
+        with np.errstate(all="ignore"):
+            found = onto(problem, event, spread * problem.scales, times, problem.scales)
+        if not np.isfinite(found).all(axis=1).any():
+            yield (
+                f"no {' and '.join(free)} was found with which the {role} event keeps the "
+                "constraints; change what it gives"
+            )
