@@ -9,7 +9,7 @@ from actionopt import Event, Mesh, Problem, System
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.solver.preflight import check
-from actionopt.solver.verdict import _unplaced
+from actionopt.solver.verdict import _events_off_constraints
 
 
 def kinetic(v):
@@ -423,5 +423,5 @@ def test_derivatives_that_overflow_where_the_lagrangian_does_not():
 def test_coordinates_with_which_an_event_keeps_no_constraint_are_named():
     circle = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
     ends = ao.Event(0, [2, None]), ao.Event(1, [None, 0.9])
-    (said,) = _unplaced(ao.Problem(circle, *ends))
+    (said,) = _events_off_constraints(ao.Problem(circle, *ends))
     assert said.startswith("no y was found with which the start event keeps the constraints")

@@ -58,7 +58,7 @@ def message_of(solution: Solution, tol: float, hint: str = "", reason: str = "")
     """
     problem, status = solution.problem, solution.status
     if status is Status.NOT_FOUND and problem.system.m and not reason:
-        reason = "; ".join(_unplaced(problem))
+        reason = "; ".join(_events_off_constraints(problem))
     verdict = f"{status.value.partition(': (a)')[0]}: {reason}" if reason else status.value
     figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
     if status in (Status.FLOOR, Status.DEGENERATE):
@@ -83,7 +83,7 @@ def message_of(solution: Solution, tol: float, hint: str = "", reason: str = "")
     return f"{problem.name}: {verdict} ({figures}){hint}"
 
 
-def _unplaced(problem: Problem) -> Iterator[str]:
+def _events_off_constraints(problem: Problem) -> Iterator[str]:
     """Yield which end gives coordinates with which no point of the constraints was found."""
     system, names = problem.system, problem.system.coordinates
     spread = np.random.default_rng(0).standard_normal((TRIED_PLACES, system.n))
