@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import brentq
 
 import actionopt as ao
+from actionopt.analysis.tables import _by_name
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.element import element
 from actionopt.discrete.factors import full
@@ -631,6 +632,14 @@ def test_trace_tells_where_a_beam_buckles():
     found = ao.trace(ao.Problem(beam, ao.Event(0, [0]), ao.Event(1, [0])), "P", 12.0)
     (mark,) = found.marks  # hinged: at pi^2
     assert (mark.kind, mark.value) == ("index", pytest.approx(math.pi**2, rel=1e-6))
+
+
+def test_tables_name_derivatives_and_momenta_of_a_spline():
+    ends = ao.Event(0, [0], v=[0]), ao.Event(1, [1], v=[0])
+    found = _by_name(ao.solve(ao.Problem(SPLINE, *ends)), np.array([0.25]))  # 3 t^2 - 2 t^3
+    assert {name: float(x[0, 0]) for name, x in found.items()} == pytest.approx(
+        {"v": 1.125, "a": 3.0, "p": 12.0, "p_v": 3.0}
+    )
 
 
 def test_sweep_over_the_time_of_a_waypoint():

@@ -5,9 +5,11 @@ import pickle
 import casadi as ca
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import scenes
+from actionopt.solver.arguments import read_guess
 
 START, END = ao.Event(0.0, [0.3]), ao.Event(1.0, [-0.2])
 QUIET = {"print_time": 0, "ipopt.print_level": 0, "ipopt.sb": "yes"}
@@ -282,6 +284,15 @@ def test_splines_are_paths_exactly(long_way):
     for spline in splines(knots, long_way(knots), long_way.velocity(knots)):
         values = spline(t) if spline.axis else spline(t).T
         assert np.abs(ao.Path.from_ppoly(spline)(t) - values).max() < 1e-13
+
+
+def test_a_curve_of_scipy_that_guesses_is_stretched_over_the_times_asked():
+    interpolate = pytest.importorskip("scipy.interpolate")
+    curve = interpolate.CubicSpline([1.0, 2.0, 4.0], [[0.1], [0.3], [-0.2]])
+    found = read_guess(
+        ao.Problem(systems.oscillator(), ao.Event(0.0, 0.1), ao.Event(6.0, -0.2)), curve
+    )
+    assert found(np.array([0.0, 2.0, 6.0]))[0] == pytest.approx([0.1, 0.3, -0.2])
 
 
 def test_what_is_no_continuous_spline_is_no_path():

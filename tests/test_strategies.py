@@ -1,5 +1,7 @@
 """How a first path is found: which ways are tried, in which order, and on which meshes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import systems
@@ -14,7 +16,14 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.solver.near_guess import COARSE_GUESS, GUESS_MESHES, _fine_enough
 from actionopt.solver.search import BUDGET, Search, Strategy
 from actionopt.solver.solve import solve_near
-from actionopt.solver.strategies import IPOPT, MEETING_LOST, STRATEGIES, Root, TwoSidedShooting
+from actionopt.solver.strategies import (
+    IPOPT,
+    MEETING_LOST,
+    STRATEGIES,
+    PatientLeast,
+    Root,
+    TwoSidedShooting,
+)
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.watch import Spent
 
@@ -363,3 +372,16 @@ def test_the_motion_itself_leads_to_itself_over_many_periods():
     solution = ao.solve(problem, guess=lambda t: known.sol(t)[:1])
     t = np.linspace(0.0, T, 999)
     assert np.abs(solution(t) - known.sol(t)[:1]).max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("saddle", "large", "open_"),
+    [(None, True, True), ("meeting", True, True), ("newton", False, True), ("newton", True, False)],
+)
+def test_with_a_saddle_in_hand_no_long_search_goes_on_in_a_large_system(saddle, large, open_):
+    search = SimpleNamespace(
+        saddle=saddle and (saddle, None),
+        may_be_least=True,
+        ws=SimpleNamespace(large=large, has_mass=True),
+    )
+    assert PatientLeast("patient", (8,)).applies(search) is open_

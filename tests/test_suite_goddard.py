@@ -109,6 +109,11 @@ def first_order(problem, x):
     return np.abs(found.fun).max() / np.abs(slope).max()
 
 
+def test_the_optimum_of_a_few_steps_is_stationary():
+    rocket = suite.model("goddard_rocket", elements=6)
+    assert first_order(rocket, rocket.x_star) < 1e-9
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("thrust", [0.0, 1.0, MOST])
 def test_the_shortest_flight_is_not_stationary_whatever_the_thrust(thrust):

@@ -14,10 +14,12 @@ from actionopt import scenes
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.factors import full
 from actionopt.families.free_times import _passes
+from actionopt.solver.between import Choices
 from actionopt.solver.durations import straight_passage
 from actionopt.solver.first_paths import FirstPaths, guess_path
 from actionopt.solver.signals import OutOfTime
-from actionopt.solver.unfixed import Unfixed
+from actionopt.solver.strategies import STRATEGIES
+from actionopt.solver.unfixed import Unfixed, _by_ipopt
 
 G = 9.81
 
@@ -533,6 +535,14 @@ def test_closed_paths_that_are_many_near_a_rough_guess():
             problem, guess=lambda t: np.stack([np.cos(t) - 0.1, 0.9 * np.sin(t)]), throw=False
         )
         assert found.status.name == "DEGENERATE" and abs(found.action - 3 * np.pi) < 1e-9
+
+
+def test_ipopt_is_asked_between_the_ends_of_the_path_at_hand():
+    wall = ao.Event(1.0, None, on=lambda q, t: q[0] - 1)
+    problem = ao.Problem(systems.oscillator("x y"), ao.Event(0.0, [0.0, 0.0]), wall)
+    path = ao.Path(ao.Mesh.uniform(0.0, 1.0, 2, 2), np.outer([1.0, 0.7], np.linspace(0, 1, 5)))
+    found = _by_ipopt(problem, path, Choices(1e-8, "auto", STRATEGIES, None, None))
+    assert found([0.0, 1.0]) == pytest.approx(np.array([[0.0, 1.0], [0.0, 0.7]]), abs=1e-12)
 
 
 @pytest.mark.parametrize("start", [None, pytest.param(0.0, marks=pytest.mark.long)])

@@ -1,6 +1,7 @@
 """Iterates: placed, followed, carried, what is told of them and what is written down."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Path, Problem, System, scenes
-from actionopt.solver.iterate import ORDINARY, POLYNOMIAL_ROUNDOFF, sizes
+from actionopt.solver.iterate import ORDINARY, POLYNOMIAL_ROUNDOFF, Iterate, sizes
 from actionopt.solver.workspace import FOLLOWED_REACH, Workspace
 
 
@@ -206,3 +207,8 @@ def test_what_is_lost_on_tiny_elements_has_a_kink(recovered, elements, kinked):
     ws.transcribe(Mesh(t, [6, 6, 6]), None)
     ws.recovered = recovered
     assert ws.has_kink == kinked
+
+
+def test_no_path_is_said_to_move_less_than_a_free_body():
+    held = SimpleNamespace(growth=0.3)
+    assert Iterate.impulse_gain(SimpleNamespace(with_probed=lambda many: held), False) == (1, held)
