@@ -214,3 +214,22 @@ def test_what_leaves_the_straight_line_grows_with_the_way():
     t = np.linspace(0, 1, 7)
     assert led(t)[0] == pytest.approx(2 * path(t)[0])
     assert led(t)[1] - 1 == pytest.approx(2 * (path(t)[1] - 1))
+
+
+def test_a_length_through_events_is_that_of_all_legs():
+    """On a sphere, over times that are not as the lengths; and of light, as Fermat says."""
+    sphere = ao.System.geodesic(
+        lambda q, v: np.sqrt(v[0] ** 2 + np.sin(q[0]) ** 2 * v[1] ** 2), ["theta", "phi"]
+    )
+    a, b, c = [1.0, 0.0], [1.8, 1.0], [1.3, 2.0]
+    way = ao.Problem(sphere, ao.Event(0, a), ao.Event(1, c), through=[ao.Event(0.3, b)])
+    x, y, z = (
+        np.array([np.sin(u) * np.cos(w), np.sin(u) * np.sin(w), np.cos(u)]) for u, w in (a, b, c)
+    )
+    assert ao.solve(way).length == pytest.approx(np.arccos(x @ y) + np.arccos(y @ z), rel=1e-9)
+    media = [ao.System.geodesic(lambda q, v, n=n: n * np.sqrt(v @ v), ["x", "y"]) for n in (1, 1.5)]
+    surface = ao.Event(None, None, on=lambda q, t: q[1])
+    ray = ao.solve(ao.Problem(media, ao.Event(0, [0, 1]), ao.Event(1, [2, -1]), through=[surface]))
+    s = np.linspace(0, 2, 20001)
+    least = np.min(np.hypot(s, 1) + 1.5 * np.hypot(2 - s, 1))
+    assert ray.length == pytest.approx(least, rel=1e-7)

@@ -170,11 +170,13 @@ class Solution:
 
     @cached_property
     def length(self) -> float:
-        """The length of a geodesic (`System.geodesic`), sqrt(2 S (t1 - t0)).
+        """The length of a geodesic (`System.geodesic`), sqrt(2 S (t1 - t0)); of all its legs.
 
         Raises ValueError for any other system, and where the length is negative on the way.
         """
         problem, t = self.problem, self.mesh.nodes
+        if problem.through:  # at given times they are run through at rates of their own
+            return sum(leg.length for leg in self.parts)
         if problem.system.F is None:
             raise ValueError(
                 "expected a path of System.geodesic(length, coordinates), found one of a "

@@ -35,6 +35,11 @@ def check_free_time(problem: Any) -> None:
             "no action is stationary in the time; give both times"
         )
     closes = problem.end.advance is not None
+    if closes and problem.laws:
+        raise ValueError(
+            "expected the period of a closed path along which several laws take turns, found that "
+            "it is to be found; give it, Periodic(T)"
+        )
     if closes and (problem.start.t is None or structure.depends_on_time):
         raise ValueError(
             "expected a closed path of a system without a clock, begun at a given time, where the "
