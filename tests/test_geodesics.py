@@ -216,6 +216,7 @@ def test_what_leaves_the_straight_line_grows_with_the_way():
     assert led(t)[1] - 1 == pytest.approx(2 * (path(t)[1] - 1))
 
 
+@pytest.mark.long
 def test_a_length_through_events_is_that_of_all_legs():
     """On a sphere, over times that are not as the lengths; and of light, as Fermat says."""
     sphere = ao.System.geodesic(

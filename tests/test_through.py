@@ -16,6 +16,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import over
 from actionopt.discrete.factors import full
 from actionopt.plot import fan_data, fronts_data, spectrum_data
+from actionopt.solver.durations import explain_barrier
 from actionopt.solver.through import _join_answers
 
 FREE = systems.particle("x y")
@@ -659,3 +660,14 @@ def test_a_guess_that_passes_no_event_is_read():
     shot = ao.Problem(FREE, ao.Event(0, [-1, -0.2]), ao.Event(1, [1.2, 0.1]), through=[wall])
     found = ao.solve(shot, guess=lambda t: np.zeros((2, t.size)), throw=False)
     assert not found.success
+
+
+def test_a_step_of_potential_above_the_energy_is_named():
+    laws = [ao.System(lambda q, v, t, V=V: v @ v / 2 - V, ["x", "y"]) for V in (0.0, 1.0)]
+    ends, step = (
+        (ao.Event(0, [-1, 0]), ao.Event(None, [1, 1])),
+        ao.Event(None, None, on=lambda q, t: q[0]),
+    )
+    low, high = (ao.Problem(laws, *ends, energy=E, through=[step]) for E in (0.5, 2.0))
+    assert explain_barrier(low).startswith("the energy 0.5 is below the potential, 1, at x = 1")
+    assert not explain_barrier(high)

@@ -381,13 +381,12 @@ def _laws_at(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     """Return L, constraints and forces of each law at q, v (n, K) and t (K,), in rows (rows, K)."""
     rows = []
     for law in problem.laws or (problem.system,):
-        shared = {k: x for k, x in problem.parameters.items() if k in law.table.shapes}
-        packed = law.table.pack(law.table.values(shared))
-        state = *first_state(law, q.T, v.T), t[:, None], packed
+        state = *first_state(law, q.T, v.T), t[:, None], problem.packed_of(law)
         with np.errstate(all="ignore"):
             rows.append(law.pointwise("value")(*state)[0].T.copy())
             if law.m:
-                rows.append(law.constraint(q, t, parameters=shared))
+                f = law.pointwise("constraint")(q.T, t[:, None], problem.packed_of(law))[0]
+                rows.append(f.T.copy())
             if law.structure.forced:
                 rows.append(law.pointwise("force")(*state)[0].T.copy())
     return np.concatenate(rows)

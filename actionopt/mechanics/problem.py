@@ -362,6 +362,13 @@ class Problem:
         """The parameters but for those that are found with the path."""
         return {k: x for k, x in self.parameters.items() if k not in (SWITCHES, MULTIPLIERS)}
 
+    def packed_of(self, law: System) -> Array:
+        """Return the parameters of one of the `laws` of legs, or of the one of all, packed."""
+        if law is self.system:
+            return self.packed
+        shared = {k: x for k, x in self.parameters.items() if k in law.table.shapes}
+        return law.table.pack(law.table.values(shared))
+
     @property
     def kappa(self) -> Array:
         """The multipliers of the integrals that are given, (c,); of none if there are none."""

@@ -14,6 +14,7 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.scales import diagonal
+from actionopt.mechanics.system import System
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.iterate import ROUNDED
 from actionopt.solver.workspace import PATIENT
@@ -85,7 +86,7 @@ def straight_passage(problem: Problem) -> tuple[Array, Array, Array] | None:
     """
     if problem.system.n > 1 or not (problem.start.pinned and problem.end.pinned):
         return None
-    if not _conserves_energy(problem) or problem.start.q == problem.end.q:
+    if not _conserves_energy(problem.system) or problem.start.q == problem.end.q:
         return None
     a, b = float(problem.start.q[0]), float(problem.end.q[0])  # type: ignore[arg-type]
 
@@ -122,41 +123,49 @@ def explain_barrier(problem: Problem) -> str:
     The energy function is least at rest where L is quadratic in v with a positive mass matrix. Then
     it must not be above the energy at rest at an end, nor on the way between of one coordinate.
     """
-    system, ends = problem.system, (problem.start, problem.end)
-    if not (problem.free_time and _conserves_energy(problem)) or problem.closes:
+    laws, ends = problem.laws or (problem.system,), (problem.start, problem.end)
+    if not (problem.free_time and all(map(_conserves_energy, laws))) or problem.closes:
         return ""
     if problem.has_moving_surface:  # another energy
         return ""
-    places = [np.array(e.q, dtype=float) for e in ends if len(e.pinned) == system.n]
-    if not places:
-        return ""
-    q = np.array(places)
-    if system.n == 1 and len(places) == 2:
+    n, energy = problem.system.n, float(problem.energy or 0.0)
+    places = [np.array(e.q, dtype=float) if len(e.pinned) == n else None for e in ends]
+    if problem.through:  # between, it may be another one
+        told = [(law, q) for law, q in zip((laws[0], laws[-1]), places, strict=True)]
+        found = [_barrier(problem, law, q[None], energy) for law, q in told if q is not None]
+        alike = all(e.t is None and not (e.on and e.on.depends_on_time) for e in problem.through)
+        return next(filter(None, found), "") if alike else ""
+    q = np.array([place for place in places if place is not None])
+    if n == 1 and len(q) == 2:
         q = q[0] + np.linspace(0.0, 1.0, LINE)[:, None] * (q[1] - q[0])
-    t, energy = np.zeros((len(q), 1)), float(problem.energy or 0.0)
-    first, second = system.pointwise("first"), system.pointwise("second")
+    return _barrier(problem, laws[0], q, energy) if len(q) else ""
+
+
+def _barrier(problem: Problem, law: System, q: Array, energy: float) -> str:
+    """Return that the energy is below the potential of the law at one of q (K, n), or nothing."""
+    t, packed = np.zeros((len(q), 1)), problem.packed_of(law)
+    first, second = law.pointwise("first"), law.pointwise("second")
     with np.errstate(all="ignore"):
-        rest = -first(q, 0 * q, t, problem.packed)[2][:, 0]
+        rest = -first(q, 0 * q, t, packed)[2][:, 0]
         k = int(np.argmax(np.where(np.isfinite(rest), rest, -np.inf)))
         if not rest[k] - energy > MERGED * max(abs(energy), abs(rest[k])):
             return ""
-        v = np.stack([0 * q[k], *np.random.default_rng(0).normal(size=(2, system.n))])
-        at = np.repeat(q[k : k + 1], 3, axis=0), v, np.zeros((3, 1)), problem.packed
+        v = np.stack([0 * q[k], *np.random.default_rng(0).normal(size=(2, law.n))])
+        at = np.repeat(q[k : k + 1], 3, axis=0), v, np.zeros((3, 1)), packed
         mass = second.full(2, second(*at)[2].copy(), symmetric=True)
     if not (np.isfinite(mass).all() and (mass == mass[0]).all()):
         return ""  # not quadratic in v
     if not np.linalg.eigvalsh(mass[0])[0] > 0:
         return ""
-    place = ", ".join(f"{name} = {x:.6g}" for name, x in zip(system.coordinates, q[k], strict=True))
+    place = ", ".join(f"{name} = {x:.6g}" for name, x in zip(law.coordinates, q[k], strict=True))
     return (
         f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {place}, which every "
         "motion has to pass; give a larger energy"
     )
 
 
-def _conserves_energy(problem: Problem) -> bool:
+def _conserves_energy(system: System) -> bool:
     """Whether motions keep their energy, and nothing but their Lagrangian says where they go."""
-    system = problem.system
     plain = not (system.m or system.r or system.structure.forced)
     return plain and system.structure.smooth and not system.structure.depends_on_time
 

@@ -167,13 +167,15 @@ def _check_no_mesh(choices: Choices) -> None:
 
 def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path through events whose times or places are to be found, and the verdict."""
+    from actionopt.solver.durations import explain_barrier
     from actionopt.solver.through import solve_through
 
     check_arguments(problem, choices.tol, None, choices.principle, None)
     _check_no_mesh(choices)
     known = choices.tol, guess, choices.principle, choices.watch
     solution, hint = solve_through(problem, *known)
-    return solution, message_of(solution, choices.tol, hint)
+    reason = explain_barrier(problem) if solution.status is Status.NOT_FOUND else ""
+    return solution, message_of(solution, choices.tol, hint, reason)
 
 
 def starts(
