@@ -143,3 +143,14 @@ def test_comparisons_can_be_joined():
     t = np.array([0.05, 0.2, 0.4, 0.6])
     found = system.lagrangian(np.ones((1, 4)), np.zeros((1, 4)), t)
     assert found.tolist() == [0.0, 0.0, 1.0, 0.0]
+
+
+def test_what_a_lagrangian_prints_are_its_symbols():
+    seen = []
+
+    def lagrangian(q, v, t):
+        seen.append(f"{q} {v[0]!r} {t}")
+        return v @ v / 2
+
+    ao.System(lagrangian, ["x", "y"])
+    assert seen[0] == "[q_0, q_1] v_0 t"

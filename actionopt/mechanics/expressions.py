@@ -163,6 +163,10 @@ class Expressions:
 
     # -- numbers ---------------------------------------------------------------------------------
 
+    def __repr__(self) -> str:
+        """Show the expressions as CasADi writes them."""
+        return str(self.sx)
+
     def __bool__(self) -> bool:
         """Refuse: an expression is neither true nor false."""
         return bool(self.sx)
