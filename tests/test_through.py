@@ -671,3 +671,27 @@ def test_a_step_of_potential_above_the_energy_is_named():
     low, high = (ao.Problem(laws, *ends, energy=E, through=[step]) for E in (0.5, 2.0))
     assert explain_barrier(low).startswith("the energy 0.5 is below the potential, 1, at x = 1")
     assert not explain_barrier(high)
+
+
+@pytest.mark.long
+def test_modes_of_a_bead_whose_mass_changes_are_those_in_its_angle():
+    """Its multiplier jumps with the mass."""
+
+    def bead(m):
+        return ao.System(
+            lambda q, v, t: m * (v @ v / 2 - 9 * q[1]),
+            ["x", "y"],
+            constraint=lambda q, t: q @ q - 1,
+        )
+
+    def pendulum(m):
+        return ao.System(lambda q, v, t: m * (v[0] ** 2 / 2 + 9 * np.cos(q[0])), ["theta"])
+
+    half, y = [ao.Event(1.0, None)], -np.sqrt(0.99)
+    ends = ao.Event(0, [0, -1]), ao.Event(2.5, [0.1, y])
+    held = ao.solve(ao.Problem([bead(1), bead(2)], *ends, through=half))
+    ends = ao.Event(0, [0.0]), ao.Event(2.5, [np.arctan2(0.1, -y)])
+    guess = ao.Path(held.mesh, np.unwrap(np.arctan2(held.path.values[:1], -held.path.values[1:])))
+    free = ao.solve(ao.Problem([pendulum(1), pendulum(2)], *ends, through=half), guess=guess)
+    modes = [ao.second_variation(s, 2).eigenvalues for s in (held, free)]
+    assert modes[0] == pytest.approx(modes[1], rel=1e-7)

@@ -160,10 +160,29 @@ def _hold(solution: Solution, path: Path, t: float) -> Event:
 
 
 def _forces(solution: Solution, mesh: Mesh) -> Array | None:
-    """Return the constraints' multipliers of the motion at the nodes of a part, (K, m)."""
+    """Return the constraints' multipliers of the motion at the nodes of a part, (K, m).
+
+    Where the law changes they jump, and the node there has their mean, by its weights in the
+    elements on both sides.
+    """
     if not solution.problem.system.m:
         return None
-    return solution.multipliers(mesh.nodes).T
+    if not solution.problem.laws:
+        return solution.multipliers(mesh.nodes).T
+    t, d = mesh.nodes, np.array(mesh.degrees)
+    share = mesh.lengths / (d * (d + 1))  # what an end weighs in its element
+    found, whole = np.zeros((t.size, solution.problem.system.m)), np.zeros((t.size, 1))
+    for leg in solution.parts:
+        first, last = np.searchsorted(mesh.boundaries, (leg.problem.start.t, leg.problem.end.t))
+        last = min(int(last), mesh.elements)
+        if first >= last:
+            break
+        here = slice(mesh.offsets[first], mesh.offsets[last] + 1)
+        weight = np.ones((t[here].size, 1))
+        weight[[0, -1], 0] = share[[first, last - 1]]
+        found[here] += weight * leg.multipliers(t[here]).T
+        whole[here] += weight
+    return found / whole
 
 
 def _until(mesh: Mesh, t: float | None) -> Mesh:
