@@ -91,5 +91,5 @@ def test_a_small_swing_of_many_links_near_a_resonance(links):
     assert applies("resonance", problem, "stationary")
     assert np.abs(solution.path.values).max() < 0.2  # beside the line: the least path goes to 0.6
     state = np.concatenate([solution(0.0), solution.velocity(0.0)])
-    end = integrated(flow, state, 0.0, 0.5)(0.5)
+    end = integrated(flow, state, 0.0, 0.5, rtol=1e-8)(0.5)
     assert np.max(np.abs(end[:links] + first / 2)) < 1e-4

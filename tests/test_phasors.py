@@ -32,6 +32,7 @@ def test_the_sum_is_turned_by_a_quarter_at_the_focus(T, turned, hbar):
     assert found.ends[-1] == pytest.approx(found.sum)
 
 
+@pytest.mark.long
 def test_the_picture(monkeypatch):
     axes = plot.phasors(oscillator(4.4), 0.02, units=plot.SI)
     assert len(axes) == 3 and "index 1" in axes[0].get_title()

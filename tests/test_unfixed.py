@@ -623,6 +623,10 @@ OSCILLATOR = systems.oscillator()
 def test_an_end_free_in_place_and_time_is_where_the_motion_stops():
     s = ao.solve(ao.Problem(OSCILLATOR, free(0.0, [0.3]), free(None, [None]), energy=0.5))
     assert abs(s.duration - np.arccos(0.3)) < 1e-9 and abs(s.end.q[0] - 1) < 1e-9
+
+
+@pytest.mark.long
+def test_a_free_body_never_comes_to_rest():
     flight = systems.particle()
     with pytest.raises(ao.SolveError, match="comes to rest"):
         ao.solve(ao.Problem(flight, free(0.0, [0.3]), free(None, [None]), energy=0.5))

@@ -139,6 +139,7 @@ def test_numbers_of_pages_have_the_mark_of_their_language():
     assert "0.5\N{NO-BREAK SPACE}m" in document("", "", body)
 
 
+@pytest.mark.long
 def test_numbers_in_pictures_have_the_mark_of_their_language(monkeypatch):
     seen = []
     drawn = RendererSVG.draw_text

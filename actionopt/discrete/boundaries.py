@@ -104,5 +104,5 @@ def _inside(known: tuple[Instant, ...], start: float, duration: float, slack: fl
 
 
 def _slack(mesh: Mesh) -> float:
-    """Return the round-off of the times of boundaries."""
+    """Return how far apart round-off may put two times of the same boundary."""
     return 4 * EPS * max(abs(mesh.boundaries[0]), abs(mesh.boundaries[-1]), mesh.duration)

@@ -543,7 +543,7 @@ class Answers:
         self.last = solution
 
     def _samples(self, solution: Solution) -> Array:
-        """Return the coordinates (n, K) at the same parts of the time of any path."""
+        """Return the coordinates (n, K) at fixed fractions of the duration: paths are compared there."""
         return solution(solution.start.t + PARTS * solution.duration)
 
     def _same_action(self, one: Solution, other: Solution) -> bool:

@@ -139,7 +139,10 @@ def _index(tr: Transcription, z: Array) -> int:
 
 
 def _multipliers(tr: Transcription, Q: Array) -> Array | None:
-    """Return multipliers (K, m) that fit the coordinates best."""
+    """Return the multipliers (K, m) that balance the gradient of S at coordinates Q (K, n) best.
+
+    None if there are no constraints.
+    """
     if not tr.layout.rows:
         return None
     x = tr.pack(Q)[: tr.layout.unknowns]
