@@ -29,6 +29,7 @@ from actionopt.discrete.energy_balance import DRIFT_SAFETY
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, compile_function
+from actionopt.discrete.unsampled import may_have_unsampled
 from actionopt.families.budget import Budget
 from actionopt.families.common_mesh import denser, even, transfer_matrix
 from actionopt.families.members import Members, checked_columns, member, refusal
@@ -467,7 +468,8 @@ class _Members:
         one_of_many = found.probed > sensitive if several else found.noise > ROUNDED
         sound = found.converged & np.isfinite(found.omitted) & ~one_of_many
         good = sound & (error <= self.tol)
-        for k in np.flatnonzero(good & np.isnan(found.drift)).tolist():
+        asked = good & (np.isnan(found.drift) | self._may_have_unsampled(at, which, found.Q))
+        for k in np.flatnonzero(asked).tolist():
             good[k], error[k] = self._balances(at, int(which[k]), found.Q[k], float(error[k]))
         self.doubtful[which] = found.converged & ~good & ~(sound & ~within)
         i = which[good]
@@ -480,6 +482,16 @@ class _Members:
         if self.counting:
             self._count(at, i, found.Q[good])
         return np.flatnonzero(sound & ~within)
+
+    def _may_have_unsampled(self, at: _MeshLevel, which: NDInt, Q: Array) -> Array:
+        """Return on the paths of which members L may have steps between samples, (C,)."""
+        system, start = self.problem.system, self.times[which, 0]
+        if not system.structure.hides:
+            return np.zeros(which.size, dtype=bool)
+        mesh, duration = at.shape.mesh, self.times[which, 1] - start
+        since = np.multiply.outer(mesh.nodes_since / mesh.duration, duration)
+        q = Q.transpose(2, 1, 0)
+        return may_have_unsampled(system, q, since, duration, start, self.packed[which])
 
     def _balances(self, at: _MeshLevel, i: int, Q: Array, error: float) -> tuple[bool, float]:
         """Return whether energy balances along a member's path, and its error, as `solve` does."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import CLOCKED, ClockSwitches, clock
-from actionopt.mechanics.pulses import PULSES, pulses
+from actionopt.mechanics.pulses import PULSES, StepArguments, may_hide, pulses, steps_along
 from actionopt.mechanics.switches import (
     STEPPED,
     Switches,
@@ -80,6 +80,7 @@ class Structure:
     cyclic: tuple[str, ...]  # coordinates that neither L, f nor Q contain
     smooth: bool  # neither L nor Q have a kink or a jump in q or v
     jumpless: bool  # it is plain that L cannot step
+    hides: bool  # L may have steps along a path that no sample shows
     operations: frozenset[int]  # CasADi's numbers of those in L, f and Q
     samples: int  # times over the whole duration at which the forces are sampled, at least
 
@@ -153,7 +154,7 @@ class Laws:
             self.m > 0 and self._depends("constraint_jacobian", 0, (0,)),
             any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
         )
-        L, f, Q = (self.operations(law) for law in (self.L, self.f, self.Q))
+        L, f, Q = self.lagrangian_tape, self.operations(self.f), self.operations(self.Q)
         narrow = narrowness(L)
         jumpless = narrow == 0 or (narrow == 1 and is_jumpless(L))
         jumpless &= ca.OP_CALL not in L.operations  # a table ends with a step
@@ -183,9 +184,15 @@ class Laws:
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
             smooth=narrow < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
             jumpless=jumpless,
+            hides=not jumpless and self.order == 1 and may_hide(L),
             operations=L.operations | f.operations | Q.operations,
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
+
+    @Once
+    def lagrangian_tape(self) -> Tape:
+        """Return the operations of L."""
+        return self.operations(self.L)
 
     def operations(self, law: ca.SX) -> Tape:
         """Return the operations of an expression of (q, v, t) and the parameters."""
@@ -218,7 +225,7 @@ class Laws:
         """Return the branches of L, where they depend on q or v; None where there are none."""
         if not self.structure.samples or STEPPED.isdisjoint(self.structure.operations):
             return None
-        return switches(self.symbols, self.operations(self.L), self.coordinates)
+        return switches(self.symbols, self.lagrangian_tape, self.coordinates)
 
     @Once
     def clock(self) -> ClockSwitches | None:
@@ -233,6 +240,16 @@ class Laws:
         if not self.structure.depends_on_time or PULSES.isdisjoint(self.structure.operations):
             return None
         return pulses(self.symbols, self.L, self.f, self.Q)
+
+    @Once
+    def step_arguments(self) -> StepArguments | None:
+        """Return the arguments of what may be narrow along a path; None where nothing can be."""
+        return StepArguments(self.lagrangian_tape) if self.structure.hides else None
+
+    @Once
+    def steps_along(self) -> Pointwise | None:
+        """Return what tells of narrow steps of L along a path; None where there can be none."""
+        return steps_along(self.symbols, self.L) if self.structure.hides else None
 
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
         """Whether an output of a compiled function depends on any of these inputs."""

@@ -14,7 +14,9 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.tracing import ParameterTable, Symbols
 
 # Attributes that travel with a system if they are there, besides its functions.
-TRAVELLING = ("structure", "switches", "clock", "pulses", "energy_is_mechanical")
+TRAVELLING = (
+    "structure", "switches", "clock", "pulses", "steps_along", "energy_is_mechanical"
+)  # fmt: skip
 KEPT_SYSTEMS = 8  # that were loaded, whether or not they are in use: a worker's, ad hoc
 
 _KNOWN: WeakValueDictionary[str, Any] = WeakValueDictionary()  # by digest: pickled or loaded

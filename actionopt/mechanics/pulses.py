@@ -1,28 +1,31 @@
-"""The instants of pulses: where a law varies in a moment of the time alone, between all samples.
+"""The instants of pulses and steps: where a law varies in a moment, between all samples.
 
 A force such as exp(-((t - c) / w)^2) is seen by no sample if w is small, but the exponent is, from
-any distance. Where a function of the time f(u(t)) can be narrow there is a g(t) that is least in
-the middle of what is narrow, and whose slope points there from both sides:
+any distance. Where a function f(u(t)) of the time, or along a path, can be narrow there is a g(t)
+that is least in the middle of what is narrow, and whose slope points there from both sides:
 
     exp u, a^u         g = -u, a pulse; and u^2: where 1 / (1 + exp u) is a step
     tanh u, erf u, ..  g = u^2
     1 / u, u^a, log u  g = log |u|
+    u < w, |u - w|     g = (u - w)^2, much enlarged
 
 The pulse is as wide as the distance s at which s |g'(c + s)| is one, also where g'' is zero, as of
 exp(-((t - c) / w)^4). Elements that end at c and at either foot see it, and refinement finds the
-rest; with c alone two sums over the same long element may miss it alike. Two pulses within one
-interval of the samples are not found, nor is what depends on q as well.
+rest; with c alone two sums over the same long element may miss it alike. Two pulses of one g within
+one interval of the samples are not found. What depends on q is found along a path.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.columns import UFUNCS
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.switches import POWERS, QUOTIENTS, ROOTS
+from actionopt.mechanics.switches import POWERS, QUOTIENTS, ROOTS, SUMS
 from actionopt.mechanics.tracing import SAMPLES, Symbols
 from actionopt.tools.tape import Node, Tape, apply
 from actionopt.tools.types import Array, NDInt
@@ -31,48 +34,163 @@ EXPONENTIALS = {ca.OP_EXP, ca.OP_EXPM1}
 SIGMOIDS = {ca.OP_TANH, ca.OP_ERF, ca.OP_SINH, ca.OP_COSH, ca.OP_ATAN, ca.OP_ASINH}
 TAILS = {*QUOTIENTS, *POWERS, *ROOTS}
 PULSES = EXPONENTIALS | SIGMOIDS | TAILS
+SWITCHED = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
+STEPS = PULSES | SWITCHED
+SIZED = TAILS | SWITCHED  # that step where their arguments vanish, in whatever unit
+VELOCITY = 1  # the place of v among the arguments of a law
+CONSTANT, TIME, PATH, STATE = range(4)  # on what an expression depends: STATE is v as well
 # Parts of the duration; a Gaussian of this s has three times the width at half its height that the
 # samples are promised to see. Elements that end where they need not do no harm.
 HIDDEN = 5.0 / SAMPLES
 GROWN = 0.03  # 2 (h / s)^2 of a pulse one and a half times as wide, h being the distance of samples
+SEEN = 0.1  # of one, from sample to sample: less is the change of an argument of what they see
 FOOT = 8.0  # of the distance s: a Gaussian is 1e-14 there, the force of a hyperbolic step 5e-5
+ABRUPT = 1e-30  # width, squared, of what has none; no unit of length is so small
 BISECTIONS = 60  # between two samples there are no more floats to halve
 
 
 def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
-    """Return the derivatives by t of all g of these laws, as a function of (t, p); or None."""
+    """Return the derivatives by t of all g(t) of these laws, as a function of (t, p); or None."""
+    slopes = [slope for slope in _slopes(s, laws, TIME) if ca.depends_on(slope, s.t)]
+    if not slopes:
+        return None
+    return Pointwise(ca.Function("pulses", [s.t, s.p], [ca.densify(ca.vertcat(*slopes))]))
+
+
+def steps_along(s: Symbols, *laws: ca.SX) -> Pointwise | None:
+    """Return the rates of all g(q, t) of these laws, as a function of (q, v, t, p); or None."""
+    slopes = _slopes(s, laws, PATH)
+    if not slopes:
+        return None
+    arguments = [s.q, s.v, s.t, s.p]
+    return Pointwise(ca.Function("steps", arguments, [ca.densify(ca.vertcat(*slopes))]))
+
+
+def may_hide(law: Tape) -> bool:
+    """Return whether a law of (q, v, t, p) may have steps that no sample along a path shows.
+
+    A step alone has two sides, on which L differs: it takes two, or one that is crossed twice.
+    """
+    steps = 0
+
+    def kind_of(node: Node, operands: list[tuple[int, bool]]) -> tuple[int, bool]:
+        """Return on what a value depends, and whether it is affine in q and t."""
+        nonlocal steps
+        if node.kind == "constant":
+            return CONSTANT, True
+        if node.kind == "input":
+            return (PATH, STATE, TIME, CONSTANT)[node.entry[0]], True
+        code, (depends, affine) = node.operation, (max(x[0] for x in operands), operands[-1][1])
+        affine &= operands[0][1]
+        if depends == PATH and code in STEPS:
+            steps += 1 if affine else 2
+        if code in (ca.OP_MUL, ca.OP_DIV):
+            affine &= operands[-1][0] == CONSTANT or (code == ca.OP_MUL and not operands[0][0])
+        return depends, affine and (code in (*SUMS, ca.OP_MUL, ca.OP_DIV) or not depends)
+
+    law.fold(kind_of)
+    return steps > 1
+
+
+class StepArguments:
+    """The arguments u of all functions in a law of (q, v, t, p) that may be steps along a path."""
+
+    def __init__(self, law: Tape) -> None:
+        known = law.fold(_is_known)
+        steps = [k for k, node in enumerate(law.nodes) if known[k] and node.operation in STEPS]
+        self._arguments: list[tuple[list[int], bool]] = []  # and whether they vanish at a step
+        needed: set[int] = set()
+        for node in (law.nodes[k] for k in steps):
+            of = node.operands[-1:] if node.operation in QUOTIENTS else node.operands[:1]
+            if node.operation in (*SWITCHED, *POWERS):
+                of = node.operands
+            self._arguments.append((list(of), node.operation in SIZED))
+            needed.update(of)
+        for k in range(len(law.nodes) - 1, -1, -1):
+            if k in needed:
+                needed.update(law.nodes[k].operands)
+        self._program = [(k, law.nodes[k]) for k in sorted(needed)]
+
+    @np.errstate(all="ignore")
+    def may_be_narrow(self, arguments: Sequence[Array], since: Array, gap: Array) -> Array:
+        """Return on which of C paths a step may be narrower than the `gap` between samples, (C,).
+
+        As u changes by one from one sample to the next, or by as much as it is. `arguments` are q
+        (n, K, C), none, the time (1, K, C) and the parameters (P, 1, C); K times since the start,
+        (K, C), and gaps (C,).
+        """
+        values: dict[int, Any] = {}
+        for k, node in self._program:
+            if node.kind == "constant":
+                values[k] = node.value
+            elif node.kind == "input":
+                values[k] = arguments[node.entry[0]][node.entry[1]]
+            else:
+                values[k] = UFUNCS[node.operation](*[values[i] for i in node.operands], out=None)
+        narrow, most = np.zeros(gap.size, dtype=bool), None
+        for of, sized in self._arguments:
+            u = values[of[0]] if len(of) == 1 else values[of[0]] - values[of[-1]]
+            if not isinstance(u, np.ndarray) or len(u) == 1:
+                continue
+            change = np.abs(u[1:] - u[:-1])
+            if sized:
+                size = np.abs(u)
+                narrow |= (change > np.minimum(size[1:], size[:-1])).any(axis=0)
+                continue
+            if most is None:
+                most = SEEN * (since[1:] - since[:-1]) / gap
+            narrow |= (change > most).any(axis=0)
+        return narrow
+
+
+def _is_known(node: Node, operands: list[bool]) -> bool:
+    """Return whether a value depends on q, t and parameters by functions that numpy has."""
+    if node.kind != "operation":
+        return node.kind == "constant" or node.entry[0] != VELOCITY
+    return all(operands) and node.operation in UFUNCS and node.operation != ca.OP_IF_ELSE_ZERO
+
+
+def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
+    """Return the rates of all g that depend on the time alone, or on q as well, as is `wanted`."""
     arguments = [s.q, s.v, s.t, s.p]
     slopes: list[ca.SX] = []
 
-    def of_time(node: Node, operands: list[tuple[ca.SX, bool] | None]) -> Any:
-        """Return an expression and whether it depends on the time; None if on the path."""
+    def rate_of(u: ca.SX) -> ca.SX:
+        by_time = ca.jacobian(u, s.t)
+        return by_time if wanted == TIME else ca.jtimes(u, s.q, s.v) + by_time
+
+    def expression(node: Node, operands: list[tuple[ca.SX, int] | None]) -> Any:
+        """Return an expression and on what it depends; None if on more than is `wanted`."""
         if node.kind == "constant":
-            return ca.SX(node.value), False
+            return ca.SX(node.value), CONSTANT
         if node.kind == "input":
             of, row = node.entry
-            return None if of < 2 else (arguments[of][row], of == 2)
+            depends = (PATH, STATE, TIME, CONSTANT)[of]
+            return None if depends > wanted else (arguments[of][row], depends)
+        plain = [operand for operand in operands if operand is not None]
         u = operands[-1 if node.operation in QUOTIENTS else 0]
         base, power = operands[0], operands[-1]
-        if node.operation in POWERS and base is not None and power is not None and power[1]:
-            slopes.append(-ca.jacobian(power[0] * ca.log(base[0]), s.t))
-        if u is not None and u[1]:
-            rate = ca.jacobian(u[0], s.t)
+        if node.operation in POWERS and base is not None and power is not None:
+            if power[1] == wanted:
+                slopes.append(-rate_of(power[0] * ca.log(base[0])))
+        if node.operation in SWITCHED and wanted == PATH and len(plain) == len(operands):
+            if max(depends for _, depends in plain) == wanted:
+                u = plain[0][0] - plain[1][0] if len(plain) == 2 else plain[0][0]
+                slopes.append(u * rate_of(u) / ABRUPT)
+        elif u is not None and u[1] == wanted:
             if node.operation in EXPONENTIALS:
-                slopes.append(-rate)
+                slopes.append(-rate_of(u[0]))
             if node.operation in TAILS:
-                slopes.append(rate / u[0])
+                slopes.append(rate_of(u[0]) / u[0])
             elif node.operation in PULSES:
-                slopes.append(2 * u[0] * rate)
-        plain = [operand for operand in operands if operand is not None]
+                slopes.append(2 * u[0] * rate_of(u[0]))
         if len(plain) < len(operands):
             return None
-        return apply(node.operation, [x for x, _ in plain]), any(timed for _, timed in plain)
+        whole = apply(node.operation, [x for x, _ in plain])
+        return whole, max(depends for _, depends in plain)
 
-    Tape(arguments, laws).fold(of_time)
-    varied = [slope for slope in slopes if ca.depends_on(slope, s.t)]
-    if not varied:
-        return None
-    return Pointwise(ca.Function("pulses", [s.t, s.p], [ca.densify(ca.vertcat(*varied))]))
+    Tape(arguments, laws).fold(expression)
+    return slopes
 
 
 def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[float]:
@@ -80,36 +198,54 @@ def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[f
 
     What lies outside is left out; a pulse centred at an end is told by its inner foot.
     """
-    times, narrow = np.linspace(start, end, SAMPLES), HIDDEN * (end - start)
+    times = np.linspace(start, end, SAMPLES)
 
-    def rises(which: NDInt, middle: Array, apart: Array) -> Array:
-        """Return by how much each g rises so `apart` from its least value, on the steeper side."""
-        each = np.arange(which.size)
-        sides = [known((middle + by)[:, None], packed)[0][each, which] for by in (-apart, apart)]
-        return apart * np.fmax.reduce(np.abs(sides))
+    def slopes(t: Array) -> Array:
+        return known(t[:, None], packed)[0]
 
     with np.errstate(all="ignore"):
-        slope = known(times[:, None], packed)[0]
-        # Across the least of what is hidden g' grows by h g'' (a logarithm's by 4 / h).
-        grown = np.diff(slope, axis=0) * (times[1] - times[0]) > GROWN
-        k, which = np.nonzero(grown & (slope[:-1] <= 0) & (slope[1:] >= 0))
-        if not 0 < k.size < SAMPLES:
-            return []
-        a, b, each = times[k], times[k + 1], np.arange(k.size)
-        for _ in range(BISECTIONS):
-            middle = a + (b - a) / 2
-            beyond = known(middle[:, None], packed)[0][each, which] > 0
-            a, b = np.where(beyond, a, middle), np.where(beyond, middle, b)
-        hidden = rises(which, b, np.full(b.size, narrow)) > 1
-        found, which = b[hidden], which[hidden]
-        apart = np.full(found.size, narrow)
-        for _ in range(BISECTIONS):  # to its width
-            narrower = rises(which, found, apart / 2) > 1
-            if not narrower.any():
-                break
-            apart = np.where(narrower, apart / 2, apart)
+        found, apart, _ = narrow_places(slopes, times, slopes(times), HIDDEN * (end - start))
+    if not 0 < found.size < SAMPLES:
+        return []
     feet = np.concatenate([found - FOOT * apart, found + FOOT * apart])
     feet = feet[(feet > start) & (feet < end)]
     return np.unique(
         np.append(feet, found[np.minimum(found - start, end - found) > apart])
     ).tolist()
+
+
+def narrow_places(
+    slopes: Callable[[Array], Array], times: Array, at_times: Array, narrow: float
+) -> tuple[Array, Array, NDInt]:
+    """Return where each g is least in less than `narrow`, how wide it is there, and before which time.
+
+    `slopes` returns those of all g at times (K,), (K, G): `at_times` (K, G) at the `times` (K,), in
+    order, between which the least is sought.
+    """
+    # Across the least of what is hidden g' grows by h g'' (a logarithm's by 4 / h).
+    rising = (at_times[:-1] <= 0) & (at_times[1:] >= 0)
+    rising &= np.diff(at_times, axis=0) * np.diff(times)[:, None] > GROWN
+    k, which = np.nonzero(rising)
+    if not k.size:
+        return np.empty(0), np.empty(0), k
+
+    def rises(which: NDInt, middle: Array, apart: Array) -> Array:
+        """Return by how much each g rises so `apart` from its least value, on the steeper side."""
+        each = np.arange(which.size)
+        sides = [slopes(middle + by)[each, which].copy() for by in (-apart, apart)]
+        return apart * np.fmax.reduce(np.abs(sides))
+
+    a, b, each = times[k], times[k + 1], np.arange(k.size)
+    for _ in range(BISECTIONS):
+        middle = a + (b - a) / 2
+        beyond = slopes(middle)[each, which] > 0
+        a, b = np.where(beyond, a, middle), np.where(beyond, middle, b)
+    hidden = rises(which, b, np.full(b.size, narrow)) > 1
+    found, which, k = b[hidden], which[hidden], k[hidden]
+    apart = np.full(found.size, narrow)
+    for _ in range(BISECTIONS):  # to its width
+        narrower = rises(which, found, apart / 2) > 1
+        if not narrower.any():
+            break
+        apart = np.where(narrower, apart / 2, apart)
+    return found, apart, k
