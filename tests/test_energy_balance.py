@@ -599,3 +599,48 @@ def test_low_steps_are_asked_what_they_move_together(signs, harmless):
     problem = ao.Problem(ao.System(lagrangian, ["x"]), ao.Event(0.0, [-1.0]), ao.Event(1.0, [1.0]))
     at = DiscretePath.of(problem, ao.Path.interpolate(lambda t: [2 * t - 1], mesh))
     assert (Balance.of(at).beyond(1e-8) is None) is harmless
+
+
+def passing_time(V, low, high, energy, edges):
+    """Return how long a unit mass takes in a potential from `low` to `high`, by Gauss's sums."""
+    x, w = np.polynomial.legendre.leggauss(40)
+    a, b = np.array([low, *edges]), np.array([*edges, high])
+    q = (a + b)[:, None] / 2 + (b - a)[:, None] / 2 * x
+    return float(((b - a) / 2) @ (1 / np.sqrt(2 * (energy - V(q))) @ w))
+
+
+@pytest.mark.parametrize("height", [0.3, -0.3])
+def test_a_wall_between_two_samples_is_crossed_as_a_motion_does(height):
+    """A thousandth of what the samples see: the motion is late behind it, or ahead."""
+    middle, width = 0.3, 2e-6
+
+    def V(q):
+        return height * np.exp(-(((q - middle) / width) ** 2))
+
+    found = across(free(lambda q: V(q[0])), tol=1e-8)
+    edges = middle + width * np.linspace(-8, 8, 33)
+    energy = found.velocity(0.0)[0] ** 2 / 2
+    assert passing_time(V, -0.83, 1.07, energy, edges) == pytest.approx(1.0, abs=3e-8)
+
+
+@pytest.mark.long
+def test_a_well_between_two_steps_is_told():
+    """Both are between two samples, and behind them the energy is as before."""
+    edges, width, depth = np.array([0.3, 0.3 + 2e-5]), 1e-12, 0.05
+
+    def V(q):
+        x = (q[0] - edges) / width
+        return -depth * (x / np.sqrt(1 + x**2) @ np.array([0.5, -0.5]))
+
+    late = 2e-5 * (1 - 1 / np.sqrt(1 + 2 * depth / 1.9**2)) / 1.07
+    assert late < across(free(V), tol=1e-6).error < 3 * late
+    assert across(free(V), tol=1e-8, throw=False).status is ao.Status.UNRESOLVED
+    problem = ao.Problem(ao.System(free(V), ["x"]), ao.Event(0.0, [-0.83]), ao.Event(1.0, [1.07]))
+    ends = ao.sweep(problem, {("end", "x"): np.linspace(1.0, 1.1, 3)}, tol=1e-6)
+    assert ends.success.all() and (ends.error > late / 2).all()
+
+
+@pytest.mark.long
+def test_windows_narrower_than_samples_are_jumps():
+    wall = across(free(lambda q: np.where(abs(q[0] - 0.3) < 1e-5, 0.1, 0.0)), throw=False)
+    assert wall.status is ao.Status.JUMP

@@ -67,7 +67,9 @@ def unsampled_steps(at: DiscretePath) -> tuple[Imbalance, float] | None:
         here = (low == k[0]) & (high == k[1])
         off, moved = _carried(at, *k, middles[here], widths[here])
         carried += moved
-        feet = np.concatenate([middles[here] - FOOT * widths[here], middles[here] + FOOT * widths[here]])
+        feet = np.concatenate(
+            [middles[here] - FOOT * widths[here], middles[here] + FOOT * widths[here]]
+        )
         found.append((max(feet.min(), k[0]), min(feet.max(), k[1]), off))
     low, high, off = np.array(found).T
     return Imbalance(low, high, off, np.zeros(off.size)), carried
@@ -97,11 +99,15 @@ def _sample_times(at: DiscretePath) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _carried(at: DiscretePath, low: float, high: float, middles: Array, widths: Array) -> tuple[float, float]:
+def _carried(
+    at: DiscretePath, low: float, high: float, middles: Array, widths: Array
+) -> tuple[float, float]:
     """Return what L changes by between two samples, and how far that carries the path."""
     problem, n = at.problem, at.problem.system.n
     apart = widths * LADDER ** np.arange(RUNGS)[:, None]
-    near = np.unique(np.concatenate([(middles - apart).ravel(), middles, (middles + apart).ravel()]))
+    near = np.unique(
+        np.concatenate([(middles - apart).ravel(), middles, (middles + apart).ravel()])
+    )
     near = near[(near > low) & (near < high)]
     since = np.concatenate([[np.nextafter(low, high)], near, [np.nextafter(high, low)]])
     since = np.unique(np.concatenate([since, (since[1:] + since[:-1]) / 2]))

@@ -198,6 +198,7 @@ class _TraceRun:
     sizes: Array = field(init=False)
     pole_size: float = field(init=False)
     stopped: str = ""
+    drifts: tuple[BranchPoint | None, bool] = (None, False)  # of which point it is known, and what
     refused: str = ""  # what is wrong with the question a step ahead
     meshes: int = 1
     solves: int = 0
@@ -292,9 +293,9 @@ class _TraceRun:
         self.indices.append(index)
         report(there, index)
         if beyond is not None:
-            if self._misses(there):
+            if self._misses(there) or self._drifts(there):
                 self._refine()
-            self.stopped = f"it reached {self._names()[beyond]}"
+            self.stopped = self.stopped or f"it reached {self._names()[beyond]}"
             return length
         pole = self._pole(here, there)
         if pole is not None:
@@ -460,7 +461,8 @@ class _TraceRun:
                 return found
         if system.structure.jumpless:
             return None
-        off = find_imbalance(point.at, self.tol)[0]
+        off, told = find_imbalance(point.at, self.tol)
+        self.drifts = point, told > self.tol
         if isinstance(off, Imbalance) and not (off.sudden and self._solution_near(point) is None):
             return None
         return off
@@ -482,6 +484,13 @@ class _TraceRun:
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
         if mesh is None and self._misses(point):
             mesh = split(tr, point.at.z)
+        if mesh is None and self._drifts(point):
+            found = self._solution_near(point)
+            if found is None:
+                del self.points[-1], self.indices[-1]
+                self.end(f"the path at {point.s:.6g} is not resolved, as its energy tells")
+                return False
+            mesh = found.mesh
         if mesh is None and not np.any(sizes > GROWN_UNITS * tr.lengths):
             return False
         self.meshes += mesh is not None
@@ -495,9 +504,12 @@ class _TraceRun:
         return mesh is not tr.mesh
 
     def _misses(self, point: BranchPoint) -> bool:
-        """Whether what depends on the time, summed at other points, moves the path or changes S."""
+        """Whether what may be narrow, summed at other points, moves the path or changes S.
+
+        What the energy shows `_drifts` tells.
+        """
         structure, at = point.at.problem.system.structure, point.at
-        if not (structure.samples and structure.depends_on_time):
+        if not (structure.samples and (structure.depends_on_time or structure.forced)):
             return False
         if at.tr.missed_action(at.z) > self.tol:
             return True
@@ -505,6 +517,16 @@ class _TraceRun:
         tr, z = (point.tr, point.z) if isinstance(point.tr, Bordered) else (at.tr, at.z)
         step = Factors(tr.layout, tr.kkt(z)).solve(tr.quadrature_defect(z)[0])
         return tr.relative_step(step) > self.tol
+
+    def _drifts(self, point: BranchPoint) -> bool:
+        """Whether the path is off by more than `tol` as its energy tells: see `find_imbalance`."""
+        if point.at.problem.system.structure.jumpless or point.at.problem.through:
+            return False
+        known, drifts = self.drifts
+        if known is not point:
+            drifts = find_imbalance(point.at, self.tol)[1] > self.tol
+            self.drifts = point, drifts
+        return drifts
 
     # -- what changes on the way ----------------------------------------------------------------
 
