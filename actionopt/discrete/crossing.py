@@ -132,12 +132,18 @@ def find_imbalance(
     """
     if at.problem.system.structure.jumpless:
         return None, error
-    hidden = unsampled_steps(at)
+    off, told = _between_samples(at, error, tol, growth)
+    hidden = unsampled_steps(at) if off is None else None
     if hidden is not None and hidden[1] > 0:
-        told = max(error, DRIFT_SAFETY * growth() * hidden[1])
-        if told > max(tol, error):
-            return hidden[0], told
-        error = told
+        told = max(told, DRIFT_SAFETY * growth() * hidden[1])
+        off = hidden[0] if told > max(tol, error) else None
+    return off, told
+
+
+def _between_samples(
+    at: DiscretePath, error: float, tol: float, growth: Callable[[], float]
+) -> tuple[Jump | Imbalance | None, float]:
+    """Return what `find_imbalance` does, as far as energies from sample to sample tell."""
     drift = plain_drift(at)
     if drift is not None and DRIFT_SAFETY * drift <= max(tol, error):
         return None, max(error, DRIFT_SAFETY * drift)

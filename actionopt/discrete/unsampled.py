@@ -63,14 +63,14 @@ def unsampled_steps(at: DiscretePath) -> tuple[Imbalance, float] | None:
     b, found, carried = at.mesh.since, [], 0.0
     e = np.clip(np.searchsorted(b, middles, side="right") - 1, 0, at.mesh.elements - 1)
     low, high = np.maximum(since[which], b[e]), np.minimum(since[which + 1], b[e + 1])
-    for k in np.unique(np.stack([low, high]), axis=1).T:
-        here = (low == k[0]) & (high == k[1])
-        off, moved = _carried(at, *k, middles[here], widths[here])
+    for a, z in np.unique(np.stack([low, high]), axis=1).T.tolist():
+        here = (low == a) & (high == z)
+        off, moved = _carried(at, a, z, middles[here], widths[here])
         carried += moved
         feet = np.concatenate(
             [middles[here] - FOOT * widths[here], middles[here] + FOOT * widths[here]]
         )
-        found.append((max(feet.min(), k[0]), min(feet.max(), k[1]), off))
+        found.append((max(feet.min(), a), min(feet.max(), z), off))
     low, high, off = np.array(found).T
     return Imbalance(low, high, off, np.zeros(off.size)), carried
 
@@ -103,7 +103,7 @@ def _carried(
     at: DiscretePath, low: float, high: float, middles: Array, widths: Array
 ) -> tuple[float, float]:
     """Return what L changes by between two samples, and how far that carries the path."""
-    problem, n = at.problem, at.problem.system.n
+    problem = at.problem
     apart = widths * LADDER ** np.arange(RUNGS)[:, None]
     near = np.unique(
         np.concatenate([(middles - apart).ravel(), middles, (middles + apart).ravel()])

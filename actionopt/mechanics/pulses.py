@@ -170,9 +170,9 @@ def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
         plain = [operand for operand in operands if operand is not None]
         u = operands[-1 if node.operation in QUOTIENTS else 0]
         base, power = operands[0], operands[-1]
-        if node.operation in POWERS and base is not None and power is not None:
-            if power[1] == wanted:
-                slopes.append(-rate_of(power[0] * ca.log(base[0])))
+        powers = node.operation in POWERS
+        if powers and base is not None and power is not None and power[1] == wanted:
+            slopes.append(-rate_of(power[0] * ca.log(base[0])))
         if node.operation in SWITCHED and wanted == PATH and len(plain) == len(operands):
             if max(depends for _, depends in plain) == wanted:
                 u = plain[0][0] - plain[1][0] if len(plain) == 2 else plain[0][0]
@@ -217,7 +217,7 @@ def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[f
 def narrow_places(
     slopes: Callable[[Array], Array], times: Array, at_times: Array, narrow: float
 ) -> tuple[Array, Array, NDInt]:
-    """Return where each g is least in less than `narrow`, how wide it is there, and before which time.
+    """Return where each g is least in less than `narrow`, how wide it is there, and after which.
 
     `slopes` returns those of all g at times (K,), (K, G): `at_times` (K, G) at the `times` (K,), in
     order, between which the least is sought.
