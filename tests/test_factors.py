@@ -398,3 +398,12 @@ def test_the_inertia_of_a_sparse_matrix_with_a_border(monkeypatch, kind, sign):
     layout, nonzeros = border_matrix(layout, nonzeros, B, B.T, D)
     dense = np.block([[dense, B], [B.T, D]])
     assert Factors(layout, nonzeros).negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
+
+
+@pytest.mark.parametrize("name", ["small", "blocks"])
+def test_several_right_hand_sides_are_solved_as_one_is(name):
+    layout, nonzeros, dense = matrix_of("plain", (name, STORED[name][0]))
+    right = np.random.default_rng(3).standard_normal((layout.size, 4))
+    alone = np.linalg.solve(dense, right)
+    found = Factors(layout, nonzeros).solve_many(right)
+    assert np.abs(found - alone).max() <= 1e-9 * np.abs(alone).max()

@@ -10,8 +10,10 @@ from helpers import a_quarter, same_bits
 
 import actionopt as ao
 from actionopt import scenes
+from actionopt.discrete.factors import negative_signs
+from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.tools.progress import Bar, waiting
-from actionopt.tools.watch import OutOfTime, Watch
+from actionopt.tools.watch import OutOfTime, TimeUp, Watch, time_limit
 
 LATTICE = ao.System(
     lambda q, v, t: v @ v / 2 - np.sum((q[1:] - q[:-1]) ** 4) / 4 - q[0] ** 2 - q[-1] ** 2,
@@ -212,3 +214,20 @@ def test_without_a_terminal_there_is_a_line_each_ten_seconds(monkeypatch):
     short = Bar()
     short(3, 3, "")
     assert log.getvalue().count("\n") == 3
+
+
+def test_what_takes_longer_than_the_time_left_is_not_begun(monkeypatch):
+    """All moves of thirty coordinates, and all eigenvalues of a matrix."""
+    monkeypatch.setattr("actionopt.mechanics.symmetry._null_space", None)
+    monkeypatch.setattr("actionopt.discrete.factors.np.linalg.eigvalsh", None)
+    names = [f"x{i}" for i in range(30)]
+    chain = ao.System(lambda q, v, t: v @ v / 2 + np.sum(np.cos(q)), names)
+    with time_limit(0.5):
+        with pytest.raises(TimeUp):
+            find_symmetries(chain)
+        with pytest.raises(TimeUp):
+            negative_signs(np.zeros((1800, 1800)))
+    turning = np.linspace(0.0, 2 * np.pi, 9) + np.arange(30)[:, None]
+    closed = ao.Problem(chain, ao.Event(0.0, None), ao.Periodic(5.0))
+    found = ao.solve(closed, guess=np.cos(turning), seconds=0.5, throw=False)
+    assert found.status is ao.Status.OUT_OF_TIME

@@ -34,7 +34,7 @@ from actionopt.discrete.bordered import Bordered, equations_of, null_space
 from actionopt.discrete.borders import PhaseCondition, moves_of
 from actionopt.discrete.contact_times import bend_of_contacts, restrict
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import Factors, diagonal, full
+from actionopt.discrete.factors import Factors, diagonal, full, negative_signs
 from actionopt.discrete.increments import Increments, is_stiff
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.blas import one_thread
@@ -308,7 +308,7 @@ def _on_its_mesh(
         if basis is not None:
             # Pivots of the whole are off by what makes rows regular. In higher orders the rows are
             # integrals of functions that nearly depend on one another on elements of a high degree.
-            return int(np.sum(np.linalg.eigvalsh(basis.T @ full(layout, shifted) @ basis) < 0))
+            return negative_signs(basis.T @ full(layout, shifted) @ basis)
         if stiff:
             return Increments(equations, z, shifted, mu).negative() - multipliers
         return Factors(layout, shifted).negative() - multipliers

@@ -23,6 +23,7 @@ from actionopt.discrete.layout import SLIM, BorderedLayout, MatrixLayout, Patter
 from actionopt.tools.blas import cholesky
 from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
+from actionopt.tools.watch import check_time
 
 # The first three are where two costs cross, never timed with care. The others are ad hoc: a third
 # of each or three times as much (but `REFINEMENTS`) changes no iteration on any scene.
@@ -38,6 +39,8 @@ LARGE_SIZE = 50_000  # unknowns and rows whose factors take a second or so; ad h
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 # Size below which a row is scaled. Measured: counts are right where all are 1e-3, wrong from 1e-6.
 SMALL_ROW = 1e-3
+# Seconds of all eigenvalues of a full matrix, over the cube of its size. Measured.
+EIGENVALUE_SECONDS = 1.3e-10
 # Growth of pivots from where on signs are those of the full matrix: an element as long as the time
 # between conjugate points is singular inside. Derived: round-off of 1e-12, where mu is 1e-8.
 # Measured: of 187 matrices in blocks all that grow by 6e3 at most have the right signs, 11 of 20
@@ -188,6 +191,15 @@ class Factors:
         """Whether two right-hand sides take hardly more than one."""
         return self._accurate if self._pays else self.layout.small
 
+    def solve_many(self, right: Array) -> Array:
+        """Return the solutions for right-hand sides (size, K), of a full matrix all at once."""
+        found = [self.solve(right[:, 0])]
+        direct = self._even, self._definite, self._near, self._direct
+        if all(way is None for way in direct) and (self.layout.small or self.layout.border):
+            return np.linalg.solve(self._full, right)
+        found += [self.solve(column) for column in right.T[1:]]
+        return np.stack(found, axis=1)
+
     def solve_both(self, one: Array, other: Array) -> tuple[Array, Array]:
         """Return the solutions for two right-hand sides, which may be factorized for once."""
         if self.pairs and self._pays:
@@ -222,12 +234,12 @@ class Factors:
         if layout.small:
             if not layout.rows and self.definite():
                 return 0
-            return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
+            return negative_signs(self._full)
         if layout.size > PATTERN:
             return self._negative_pivots()
         counted = self._pivots
         if not counted.largest <= PIVOT_GROWTH * np.abs(self.nonzeros).max():
-            return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
+            return negative_signs(self._full)
         return counted.negative()
 
     def _negative_pivots(self) -> int:
@@ -538,6 +550,15 @@ def _largest(columns: Array) -> NDInt:
         unit = left[k] / np.sqrt(size[k])
         left = left - np.outer(left @ unit, unit)
     return np.unique(rows).astype(int)
+
+
+def negative_signs(matrix: Array) -> int:
+    """Return the number of negative eigenvalues of a full symmetric matrix.
+
+    Raises TimeUp if the time that is given will be over before.
+    """
+    check_time(EIGENVALUE_SECONDS * len(matrix) ** 3)
+    return int(np.sum(np.linalg.eigvalsh(matrix) < 0))
 
 
 def solve_part(

@@ -132,7 +132,7 @@ def soft_directions(here: Iterate, bordered: Bordered) -> list[Array]:
     known = here.z[: bordered.forces.start]
     factors = Factors(equations.layout, equations.kkt(np.concatenate([known, np.zeros(count)])))
     size = equations.layout.size
-    solved = np.array([factors.solve(e) for e in np.eye(count, size, size - count)]).T
+    solved = factors.solve_many(np.eye(count, size, size - count).T)
     _, sizes, mix = np.linalg.svd(solved[size - count :])
     x = solved[:cut] @ mix.T
     grown = np.linalg.norm(x, axis=0) > NEAR_SINGULAR * sizes

@@ -61,7 +61,7 @@ from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, Workspace, alike
 from actionopt.tools.types import EPS, Array
-from actionopt.tools.watch import OutOfTime
+from actionopt.tools.watch import OutOfTime, TimeUp, check_time, time_limit
 
 STOPS = "an end free in place and time is where a motion of the energy comes to rest"
 # Ad hoc.
@@ -94,18 +94,30 @@ class Unfixed(Workspace[UnfixedPath]):
         Those of the events of a course where its first path passes them.
     size : float
         How far from zero a first path goes that closes and moves, and may shrink to a rest.
-    moves : tuple of Move
-        Motions of configuration space that a closed path may be subjected to.
     """
 
     found_by: str = "none"
     along: tuple[Path, ...] = ()
     times: Array | None = None
     size: float = 0.0
-    moves: tuple[Move, ...] = field(init=False)
+    _moves: tuple[Move, ...] | None = None
 
-    def __post_init__(self) -> None:
-        self.moves = moves_of(self.problem)
+    @property
+    def moves(self) -> tuple[Move, ...]:
+        """Motions of configuration space that a closed path may be subjected to.
+
+        Raises OutOfTime, the first time, if they are not found in what is left.
+        """
+        if self._moves is None:
+            self._moves = ()
+            end = None if self.watch is None else self.watch.end
+            try:
+                with time_limit(None if end is None else max(end - perf_counter(), EPS)):
+                    self._moves = moves_of(self.problem)
+            except TimeUp:
+                check_time()  # of the search that this one is a part of
+                raise OutOfTime from None
+        return self._moves
 
     # -- what is other than between given events --------------------------------------------------
 

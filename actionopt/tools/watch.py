@@ -98,11 +98,14 @@ def tell_each(pace: float, tell: Callable[[], object]) -> Iterator[None]:
         _CLOCK.reset(token)
 
 
-def check_time() -> None:
-    """Raise TimeUp if the time given to a search for many paths is over; report progress if due."""
+def check_time(ahead: float = 0.0) -> None:
+    """Raise TimeUp if the time given to a search for many paths is over; report progress if due.
+
+    Or if it will be `ahead`, seconds that what is begun now takes and that nothing ends.
+    """
     clock = _CLOCK.get()
     now = perf_counter()
-    if now > clock.end:
+    if now + ahead > clock.end:
         raise TimeUp
     if now > clock.due:
         clock.tell()
