@@ -65,7 +65,7 @@ def unsampled_steps(at: DiscretePath) -> tuple[Imbalance, float] | None:
     low, high = np.maximum(since[which], b[e]), np.minimum(since[which + 1], b[e + 1])
     for a, z in np.unique(np.stack([low, high]), axis=1).T.tolist():
         here = (low == a) & (high == z)
-        off, moved = _carried(at, a, z, middles[here], widths[here])
+        off, moved = _passage(at, a, z, middles[here], widths[here])
         carried += moved
         feet = np.concatenate(
             [middles[here] - FOOT * widths[here], middles[here] + FOOT * widths[here]]
@@ -99,7 +99,7 @@ def _sample_times(at: DiscretePath) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _carried(
+def _passage(
     at: DiscretePath, low: float, high: float, middles: Array, widths: Array
 ) -> tuple[float, float]:
     """Return what L changes by between two samples, and how far that carries the path."""

@@ -35,23 +35,25 @@ SIGMOIDS = {ca.OP_TANH, ca.OP_ERF, ca.OP_SINH, ca.OP_COSH, ca.OP_ATAN, ca.OP_ASI
 TAILS = {*QUOTIENTS, *POWERS, *ROOTS}
 PULSES = EXPONENTIALS | SIGMOIDS | TAILS
 SWITCHED = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
-STEPS = PULSES | SWITCHED
+MAY_STEP = PULSES | SWITCHED
 SIZED = TAILS | SWITCHED  # that step where their arguments vanish, in whatever unit
-VELOCITY = 1  # the place of v among the arguments of a law
-CONSTANT, TIME, PATH, STATE = range(4)  # on what an expression depends: STATE is v as well
+RATES_PLACE = 1  # the place of v among the arguments of a law
+# On what an expression depends; of the state are q and v.
+OF_NONE, OF_TIME, OF_PLACE, OF_STATE = range(4)
 # Parts of the duration; a Gaussian of this s has three times the width at half its height that the
 # samples are promised to see. Elements that end where they need not do no harm.
 HIDDEN = 5.0 / SAMPLES
 GROWN = 0.03  # 2 (h / s)^2 of a pulse one and a half times as wide, h being the distance of samples
-SEEN = 0.1  # of one, from sample to sample: less is the change of an argument of what they see
+# From one sample to the next: an argument that changes by less is of what they see. Ad hoc.
+SAMPLED_CHANGE = 0.1
 FOOT = 8.0  # of the distance s: a Gaussian is 1e-14 there, the force of a hyperbolic step 5e-5
-ABRUPT = 1e-30  # width, squared, of what has none; no unit of length is so small
+ABRUPT = 1e-30  # width, squared, of what has none: shorter than any unit of length; ad hoc
 BISECTIONS = 60  # between two samples there are no more floats to halve
 
 
 def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
     """Return the derivatives by t of all g(t) of these laws, as a function of (t, p); or None."""
-    slopes = [slope for slope in _slopes(s, laws, TIME) if ca.depends_on(slope, s.t)]
+    slopes = [slope for slope in _slopes(s, laws, OF_TIME) if ca.depends_on(slope, s.t)]
     if not slopes:
         return None
     return Pointwise(ca.Function("pulses", [s.t, s.p], [ca.densify(ca.vertcat(*slopes))]))
@@ -59,7 +61,7 @@ def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
 
 def steps_along(s: Symbols, *laws: ca.SX) -> Pointwise | None:
     """Return the rates of all g(q, t) of these laws, as a function of (q, v, t, p); or None."""
-    slopes = _slopes(s, laws, PATH)
+    slopes = _slopes(s, laws, OF_PLACE)
     if not slopes:
         return None
     arguments = [s.q, s.v, s.t, s.p]
@@ -77,15 +79,15 @@ def may_hide(law: Tape) -> bool:
         """Return on what a value depends, and whether it is affine in q and t."""
         nonlocal steps
         if node.kind == "constant":
-            return CONSTANT, True
+            return OF_NONE, True
         if node.kind == "input":
-            return (PATH, STATE, TIME, CONSTANT)[node.entry[0]], True
+            return (OF_PLACE, OF_STATE, OF_TIME, OF_NONE)[node.entry[0]], True
         code, (depends, affine) = node.operation, (max(x[0] for x in operands), operands[-1][1])
         affine &= operands[0][1]
-        if depends == PATH and code in STEPS:
+        if depends == OF_PLACE and code in MAY_STEP:
             steps += 1 if affine else 2
         if code in (ca.OP_MUL, ca.OP_DIV):
-            affine &= operands[-1][0] == CONSTANT or (code == ca.OP_MUL and not operands[0][0])
+            affine &= operands[-1][0] == OF_NONE or (code == ca.OP_MUL and not operands[0][0])
         return depends, affine and (code in (*SUMS, ca.OP_MUL, ca.OP_DIV) or not depends)
 
     law.fold(kind_of)
@@ -97,7 +99,7 @@ class StepArguments:
 
     def __init__(self, law: Tape) -> None:
         known = law.fold(_is_known)
-        steps = [k for k, node in enumerate(law.nodes) if known[k] and node.operation in STEPS]
+        steps = [k for k, node in enumerate(law.nodes) if known[k] and node.operation in MAY_STEP]
         self._arguments: list[tuple[list[int], bool]] = []  # and whether they vanish at a step
         needed: set[int] = set()
         for node in (law.nodes[k] for k in steps):
@@ -138,7 +140,7 @@ class StepArguments:
                 narrow |= (change > np.minimum(size[1:], size[:-1])).any(axis=0)
                 continue
             if most is None:
-                most = SEEN * (since[1:] - since[:-1]) / gap
+                most = SAMPLED_CHANGE * (since[1:] - since[:-1]) / gap
             narrow |= (change > most).any(axis=0)
         return narrow
 
@@ -146,7 +148,7 @@ class StepArguments:
 def _is_known(node: Node, operands: list[bool]) -> bool:
     """Return whether a value depends on q, t and parameters by functions that numpy has."""
     if node.kind != "operation":
-        return node.kind == "constant" or node.entry[0] != VELOCITY
+        return node.kind == "constant" or node.entry[0] != RATES_PLACE
     return all(operands) and node.operation in UFUNCS and node.operation != ca.OP_IF_ELSE_ZERO
 
 
@@ -157,15 +159,15 @@ def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
 
     def rate_of(u: ca.SX) -> ca.SX:
         by_time = ca.jacobian(u, s.t)
-        return by_time if wanted == TIME else ca.jtimes(u, s.q, s.v) + by_time
+        return by_time if wanted == OF_TIME else ca.jtimes(u, s.q, s.v) + by_time
 
     def expression(node: Node, operands: list[tuple[ca.SX, int] | None]) -> Any:
         """Return an expression and on what it depends; None if on more than is `wanted`."""
         if node.kind == "constant":
-            return ca.SX(node.value), CONSTANT
+            return ca.SX(node.value), OF_NONE
         if node.kind == "input":
             of, row = node.entry
-            depends = (PATH, STATE, TIME, CONSTANT)[of]
+            depends = (OF_PLACE, OF_STATE, OF_TIME, OF_NONE)[of]
             return None if depends > wanted else (arguments[of][row], depends)
         plain = [operand for operand in operands if operand is not None]
         u = operands[-1 if node.operation in QUOTIENTS else 0]
@@ -173,7 +175,7 @@ def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
         powers = node.operation in POWERS
         if powers and base is not None and power is not None and power[1] == wanted:
             slopes.append(-rate_of(power[0] * ca.log(base[0])))
-        if node.operation in SWITCHED and wanted == PATH and len(plain) == len(operands):
+        if node.operation in SWITCHED and wanted == OF_PLACE and len(plain) == len(operands):
             if max(depends for _, depends in plain) == wanted:
                 u = plain[0][0] - plain[1][0] if len(plain) == 2 else plain[0][0]
                 slopes.append(u * rate_of(u) / ABRUPT)
