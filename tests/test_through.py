@@ -12,6 +12,7 @@ import systems
 from scipy.optimize import brentq
 
 import actionopt as ao
+from actionopt.analysis.full_form import form_until
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import over
 from actionopt.discrete.factors import full
@@ -695,3 +696,14 @@ def test_modes_of_a_bead_whose_mass_changes_are_those_in_its_angle():
     free = ao.solve(ao.Problem([pendulum(1), pendulum(2)], *ends, through=half), guess=guess)
     modes = [ao.second_variation(s, 2).eigenvalues for s in (held, free)]
     assert modes[0] == pytest.approx(modes[1], rel=1e-7)
+
+
+def test_modes_of_a_bead_on_a_sphere_that_passes_a_height_have_settled():
+    """Its multiplier jumps with the momentum, which is free along the circle at that height."""
+    bead = ao.System(
+        lambda q, v, t: v @ v / 2 - 9 * q[2], ["x", "y", "z"], constraint=lambda q, t: q @ q - 1
+    )
+    ends, height = (ao.Event(0, [1, 0, 0]), ao.Event(1, [0, 1, 0])), [None, None, -0.6]
+    found = ao.solve(ao.Problem(bead, *ends, through=[ao.Event(0.4, height)]))
+    first, finer = (form_until(found, None, k).lowest(np.ones(3))[0][:3] for k in (0, 1))
+    assert first == pytest.approx(finer, rel=1e-8)

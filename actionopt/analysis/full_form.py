@@ -162,12 +162,12 @@ def _hold(solution: Solution, path: Path, t: float) -> Event:
 def _forces(solution: Solution, mesh: Mesh) -> Array | None:
     """Return the constraints' multipliers of the motion at the nodes of a part, (K, m).
 
-    Where the law changes they jump, and the node there has their mean, by its weights in the
-    elements on both sides.
+    Where the law or a momentum jumps they do, and the node there has their mean, by its weights in
+    the elements on both sides.
     """
     if not solution.problem.system.m:
         return None
-    if not solution.problem.laws:
+    if not solution.problem.through or solution.problem.system.order > 1:
         return solution.multipliers(mesh.nodes).T
     t, d = mesh.nodes, np.array(mesh.degrees)
     share = mesh.lengths / (d * (d + 1))  # what an end weighs in its element
