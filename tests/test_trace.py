@@ -188,6 +188,17 @@ def test_roots_along_a_branch(function, root):
     assert found.s == pytest.approx(root, abs=1e-11)
 
 
+def test_where_no_step_leads_its_ends_are_sought_no_better_than_it_is_wide():
+    class Torn(Line):
+        def step(self, point, length):
+            asked.append(length)
+            return None if 0.4 < length < 0.6 else super().step(point, length)
+
+    line, asked = Torn(), []
+    found = locate(line, line.here, 1.0, lambda p: p.s - 0.52, 0.0)
+    assert found.s == pytest.approx(0.52, abs=1e-12) and len(asked) < 16
+
+
 def test_a_step_is_no_longer_than_the_branch_is_straight():
     """What it turns by tells how far its tangent leads astray: farther away is another branch."""
     near = ao.solve(systems.bratu(3.3))

@@ -22,6 +22,9 @@ LOCATED = 1e-12  # change of arclength that ends the search for a point
 LOCATE_STEPS = 60
 # From where a step fails to where it does not: how near it is tried first, and halvings; ad hoc.
 STEP_ASIDE, STEP_HALVINGS = 1e-3, 10
+# How well the ends of a part in which no step leads on are known, of its half width: what is
+# interpolated across it is known no better. Ad hoc.
+GAP_EDGE = 1 / 8
 # Two folds nearer together than this part of the range of s are no pair. Ad hoc, far above what
 # `arclength.LAST_CORRECTION` leaves in s; at a cusp, where ds/dsigma touches 0, met in ten steps.
 FOLDS_APART = 1e-6
@@ -177,7 +180,7 @@ def _beside(tried: Callable[[float], StepTrial | None], lost: float, end: StepTr
 
     Right beside a branch point as a rule, else by bisection.
     """
-    length = lost + STEP_ASIDE * (end.length - lost)
+    first, length = lost, lost + STEP_ASIDE * (end.length - lost)
     for k in range(STEP_HALVINGS):
         found = tried(length)
         if found is None or found.value * end.value <= 0:
@@ -186,5 +189,7 @@ def _beside(tried: Callable[[float], StepTrial | None], lost: float, end: StepTr
             return found
         else:
             end = found
+        if abs(end.length - lost) < GAP_EDGE * abs(end.length - first):
+            break
         length = (lost + end.length) / 2
     return end
