@@ -2,8 +2,10 @@
 
 import pickle
 
+import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import actionopt as ao
 from actionopt.discrete.contact_times import contact_edges, slips, with_contact_times
@@ -368,6 +370,130 @@ def test_derivatives_of_the_equations_of_contact():
         change = (a.residual(z) - b.residual(z)) / (2 * h)
         np.testing.assert_allclose(columns[:, j], change, rtol=1e-6, atol=1e-4)
         np.testing.assert_allclose(corner[:, j], (values(a, z) - values(b, z)) / (2 * h), atol=1e-7)
+
+
+def along_elastica(x, k, N, spans):
+    """Return theta, theta', x, y and S at the ends of `spans` of the arclength, an array each.
+
+    From theta = 0 at x = (x, y) with the curvature k: theta'' = N sin theta - V cos theta, V given
+    with each span. By Dormand and Prince's method.
+    """
+    found, y, a = [], np.array([0.0, k, *x, 0.0]), 0.0
+    for V, b in spans:
+        y = solve_ivp(_bend, (a, b), y, "DOP853", rtol=1e-11, atol=1e-12, args=(N, V)).y[:, -1]
+        found.append(y)
+        a = b
+    return found
+
+
+def _bend(s, y, N, V):
+    theta, k = y[:2]
+    c, d = np.cos(theta), np.sin(theta)
+    return [k, N * d - V * c, c, d, k * k / 2]
+
+
+def _bending_elements(length, height, k, n):
+    """Return W's derivatives by the angles of a chain of n bars and by three multipliers.
+
+    Its energy of bending, its end at (1, 0), and its highest point, by the parabola through node k
+    and its neighbours, at a height: (gradient, Hessian, energy) as a function.
+    """
+    h, angles, lam = length / n, ca.SX.sym("theta", n - 1), ca.SX.sym("lam", 3)
+    theta = ca.vertcat(0, angles, 0)
+    middle, energy = (theta[1:] + theta[:-1]) / 2, ca.sumsqr(theta[1:] - theta[:-1]) / (2 * h)
+    y = ca.vertcat(0, ca.cumsum(h * ca.sin(middle)))
+    top = y[k] - (y[k + 1] - y[k - 1]) ** 2 / (8 * (y[k + 1] - 2 * y[k] + y[k - 1]))
+    W = energy + ca.dot(lam, ca.vertcat(h * ca.sum1(ca.cos(middle)) - 1, y[n], top - height))
+    z = ca.vertcat(angles, lam)
+    gradient = ca.gradient(W, z)
+    return ca.Function("W", [z], [gradient, ca.jacobian(gradient, z), energy])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("length", "near"),
+    [
+        (1.1, [-68.0, -18.0, 18.0, 2.4, 0.55]),
+        (1.14, [-80.0, -25.0, 25.0, 2.4, 0.45]),  # where it is pressed aside
+    ],
+)
+def test_an_elastica_of_given_length_is_pressed_on_a_ceiling(length, near):
+    """Against shooting along the arclength, with another shear force V behind the contact."""
+    system = ao.System(
+        lambda q, v, a, x: a[0] ** 2 / (2 * (1 + v[0] ** 2) ** 2.5),
+        ["y"],
+        integral=lambda q, v, x: np.sqrt(1 + v[0] ** 2),
+        obstacle=lambda q, x: 0.2 - q[0],
+    )
+    ends = ao.Event(0, [0.0], v=[0.0]), ao.Event(1, [0.0], v=[0.0])
+    question = ao.Problem(system, *ends, integral=length)
+    found = ao.solve(question, guess=lambda x: [0.2 * np.sin(np.pi * x) ** 2], tol=1e-9)
+
+    def shot(x):
+        N, before, behind, k, s = x
+        return along_elastica((0, 0), k, N, [(before, s), (behind, length)])
+
+    def missed(x):
+        top, end = shot(x)
+        return np.r_[top[[0, 3]] - [0, 0.2], end[[0, 2, 3]] - [0, 1, 0]]
+
+    x = newton(missed, np.array(near))
+    top, end = shot(x)
+    (arc,) = found.contacts
+    assert arc.point and arc.begin == pytest.approx(top[2], abs=1e-10)
+    assert found.action == pytest.approx(end[4], rel=1e-10)
+    assert found.contact_impulses[0, 0] == pytest.approx(x[2] - x[1], rel=1e-8)
+    # What a longer beam costs is its energy over the length.
+    assert found.integral_multipliers[0] == pytest.approx(x[0] + x[3] ** 2 / 2, rel=1e-8)
+    along, theta = np.linspace(0, 1, 2001), []
+    slope = found.velocity(along)[0]
+    speed = np.sqrt(1 + slope**2)
+    s = np.r_[0, np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(along))]
+    for n in (40, 80):
+        W = _bending_elements(length, 0.2, round(x[4] / length * n), n)
+        theta = np.interp(np.linspace(0, length, n + 1), s, np.arctan(slope))[1:-1]
+        z = np.r_[theta, -x[0], x[1], x[2] - x[1]]
+        for _ in range(12):
+            z = z - np.linalg.solve(*(f.full() for f in W(z)[1::-1])).ravel()
+        assert float(W(z)[2]) == pytest.approx(found.action, rel=20 / n**2)
+        assert np.sum(np.linalg.eigvalsh(W(z)[1].full()) < 0) == 3 + found.morse_index
+
+
+@pytest.mark.long
+def test_an_elastica_of_given_length_goes_round_a_disc():
+    """In the plane, where the speed is even by itself; up to the middle by shooting.
+
+    Where it meets the disc it is as bent as that. From the guess Ipopt goes astray with the length
+    as a constraint.
+    """
+    length, start = 4.36, (-2.0, 0.2)
+    system = ao.System(
+        lambda q, v, a, t: a @ a / (2 * np.sqrt(v @ v) ** 3),
+        ["x", "y"],
+        integral=lambda q, v, t: np.sqrt(v @ v),
+        obstacle=lambda q, t: q @ q - 1,
+    )
+    ends = ao.Event(0, start, v=[length, 0]), ao.Event(1, [2.0, 0.2], v=[length, 0])
+    found = ao.solve(
+        ao.Problem(system, *ends, integral=length),
+        guess=lambda t: [-2 + 4 * t, 0.2 + 1.3 * np.sin(np.pi * t)],
+        tol=1e-9,
+    )
+
+    def missed(x):
+        N, V, k, s, phi = x
+        (there,) = along_elastica(start, k, N, [(V, s)])
+        disc = phi - np.pi / 2, -1, np.cos(phi), np.sin(phi)
+        return np.r_[there[:4] - disc, phi - np.pi / 2 - (length / 2 - s)]
+
+    x = newton(missed, np.array([3.92, 3.02, 1.41, 1.994, 1.757]))
+    (there,) = along_elastica(start, x[2], x[0], [(x[1], x[3])])
+    (arc,) = found.contacts
+    assert (arc.begin, arc.end) == pytest.approx((x[3] / length, 1 - x[3] / length), abs=1e-8)
+    assert found.action == pytest.approx(2 * there[4] + length / 2 - x[3], rel=1e-8)
+    speed = np.linalg.norm(found.velocity(np.linspace(0, 1, 21)), axis=0)
+    assert speed == pytest.approx(length, rel=1e-7)
+    assert found.contact_impulses.min() > 0 and found.morse_index == 0
 
 
 @pytest.mark.parametrize(

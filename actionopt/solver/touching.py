@@ -39,12 +39,13 @@ from actionopt.solver.ipopt import minimize
 from actionopt.solver.iterate import UnfixedPath
 from actionopt.solver.least_along import SOUGHT, refine_contact
 from actionopt.solver.obstacle import FAMILY, INSIDE, KINKED, PULLING, Along
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
 TOUCHED_DEGREE = 5  # of the elements on which contact is sought first; ad hoc
 # Nodes between two that press, and what f is there in units of the rows: it is contact, too.
 # What of all presses between the ends of an arc. Ad hoc.
 FEW, CLOSE, INNER = 4, 1e-3, 1e-2
+MISSED = 100.0  # weight in S, in its unit, of the squares of what integrals miss, in parts; ad hoc
 TWO_PATHS = 1e-3  # in the coordinates' lengths: first paths that differ by more are two; ad hoc
 NOT_TOUCHED = (
     "no path was found that touches the obstacle as a first one on a coarse mesh does: give a "
@@ -226,10 +227,11 @@ def find_touching(
     check_once(ws, mesh, None)
     guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
     first: list[First] = []
-    for guess in guesses:
-        found = touch(ws, mesh, guess)
-        if found is not None and all(_differ(found.path, other.path, problem) for other in first):
-            first.append(found)
+    for eased in (False, True):
+        for guess in guesses if not first and (problem.integral or not eased) else ():
+            found = touch(ws, mesh, guess, eased)
+            if found and all(_differ(found.path, other.path, problem) for other in first):
+                first.append(found)
     kept: tuple[Touching, Status] | None = None
     status, none = Status.NOT_FOUND, np.zeros((mesh.nodes.size, problem.system.r))
     for found in sorted(first, key=lambda found: found.action):
@@ -268,8 +270,12 @@ class First(NamedTuple):
     kappa: Array
 
 
-def touch(ws: Touching, mesh: Mesh, guess: Path | None) -> First | None:
-    """Return a least path with f >= 0 at the nodes, or None where Ipopt finds none."""
+def touch(ws: Touching, mesh: Mesh, guess: Path | None, eased: bool) -> First | None:
+    """Return a least path with f >= 0 at the nodes, or None where Ipopt finds none.
+
+    Integrals that are given may be `eased` at first, with the square of what they miss in S: Ipopt
+    accepts steps towards their values that lead far up in S, to where L is all but infinite.
+    """
     started, problem = perf_counter(), ws.question
     held = Held(problem, ())
     tr = Transcription(held, mesh, problem.lengths)
@@ -295,6 +301,9 @@ def touch(ws: Touching, mesh: Mesh, guess: Path | None) -> First | None:
             count_g = system.g.numel()
             g.append(values - np.array(problem.integral))
             above = np.append(above, np.zeros(count_g))
+        if eased:
+            miss = ca.sumsqr(g[1] / np.maximum(np.abs(problem.integral), EPS))
+            x0 = minimize(x, S + MISSED * miss, g[0], x0, above[: unit.size])[0].z
         attempt, forces, rows = minimize(x, S, ca.vertcat(*g), x0, above)
     ws.record.iterations["ipopt"] += attempt.iterations
     if not attempt.converged:
