@@ -12,6 +12,7 @@ from actionopt.discrete.contact_times import contact_edges, slips, with_contact_
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
 from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
@@ -22,6 +23,11 @@ BEAM = ao.System(
     ["y"],
     parameters={"w": 2000.0},
     obstacle=lambda q, x: q[0],
+)
+ROUGH = ao.System(
+    lambda q, v, a, t: a @ a / 2 + (1 + t) * q[0] * v[1] / 3 + q[0] ** 2 * q[1],
+    ["x", "y"],
+    obstacle=lambda q, t: [q @ q - 1 + t / 10, q[0] + 2 * q[1] ** 2 + 3 * t * q[1]],
 )
 DISC = ao.System(lambda q, v, a, t: a @ a / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
 
@@ -348,13 +354,8 @@ def test_a_beam_whose_end_is_free_lies_to_its_end():
 
 def test_derivatives_of_the_equations_of_contact():
     """By all unknowns and the times of contact, against differences, at no path."""
-    rough = ao.System(
-        lambda q, v, a, t: a @ a / 2 + (1 + t) * q[0] * v[1] / 3 + q[0] ** 2 * q[1],
-        ["x", "y"],
-        obstacle=lambda q, t: [q @ q - 1 + t / 10, q[0] + 2 * q[1] ** 2 + 3 * t * q[1]],
-    )
     ends = ao.Event(0, [-2, 1.3], v=[1, 0]), ao.Event(2, [2, 1.3])
-    held = Held(ao.Problem(rough, *ends), (Arc(0, 0.5, 1.1), Arc(1, 1.5, 1.5)))
+    held = Held(ao.Problem(ROUGH, *ends), (Arc(0, 0.5, 1.1), Arc(1, 1.5, 1.5)))
     mesh = Mesh.over(0, 2, np.array([0, 0.5, 0.8, 1.1, 1.5, 2]), 6)
     tr = Transcription(held, mesh, np.array([2.0, 1.5]))
     z, h = np.random.default_rng(1).normal(size=tr.layout.size), 1e-6
@@ -494,6 +495,40 @@ def test_an_elastica_of_given_length_goes_round_a_disc():
     speed = np.linalg.norm(found.velocity(np.linspace(0, 1, 21)), axis=0)
     assert speed == pytest.approx(length, rel=1e-7)
     assert found.contact_impulses.min() > 0 and found.morse_index == 0
+
+
+def test_derivatives_by_times_of_what_rows_do():
+    """First and second ones of S + mu.c, with c = 0, as events and times of contact move."""
+    ends = ao.Event(0, [-2, 1.3], v=[1, 0]), ao.Event(2, [2, 1.3])
+    boundaries, h = np.array([0, 0.5, 0.8, 1.1, 1.5, 2]), 1e-5
+    rates = np.array([[0, 1, 0.6, 0.2, 0.1, 0], [0, 0, 0.3, 0.7, 1, 1]])
+
+    def at(move, like=None):
+        b = boundaries + np.array(move) @ rates
+        ask = ao.Problem(ROUGH, ends[0], ao.Event(b[-1], [2, 1.3]))
+        arcs = Arc(0, b[1], b[3]), Arc(1, b[4], b[4])
+        mesh = Mesh.over(0, b[-1], b, 6)
+        return Transcription(Held(ask, arcs), mesh, np.array([2.0, 1.5]), like=like)
+
+    tr = at([0, 0])
+    z = np.random.default_rng(3).normal(size=tr.layout.size)
+    x, mu = z[: tr.layout.unknowns], z[tr.layout.unknowns :]
+    J = full(tr.layout, tr.kkt(z))[x.size :, : x.size]
+    for _ in range(9):
+        J = full(tr.layout, tr.kkt(np.r_[x, mu]))[x.size :, : x.size]
+        x = x - np.linalg.pinv(J) @ tr.constraint(x)
+    z, steps = np.r_[x, mu], h * np.eye(2)
+
+    def W(move):
+        there = at(move, tr)
+        return tr.action_unit * (there.action(x) + mu @ there.constraint(x))
+
+    slopes = lambda move: Stretch(DiscretePath(at(move, tr), z), rates).slopes()  # noqa: E731
+    by_times = [(W(e) - W(-e)) / (2 * h) for e in steps]
+    np.testing.assert_allclose(slopes([0, 0]), by_times, rtol=1e-6, atol=1e-5)
+    twice = np.array([(slopes(e) - slopes(-e)) / (2 * h) for e in steps])
+    found = Stretch(DiscretePath(tr, z), rates).twice()
+    np.testing.assert_allclose(found, twice, rtol=1e-6, atol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.stretched_rows import StretchedRows
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
@@ -89,11 +90,26 @@ class Stretch:
         return [(x[:, :-n], x[:, -n:]) for x in tr.shifts(tr.place(self.at.x).places)]
 
     @cached_property
+    def _rows(self) -> StretchedRows | None:
+        """What holds a path with accelerations on an obstacle, if anything does."""
+        tr = self.at.tr
+        if tr.order == 1 or not tr.layout.rows:
+            return None
+        n = self.at.problem.system.n
+        (first, _), (second, _) = self._shifts
+        assert first is not None and second is not None
+        return StretchedRows(self.at, self.longer, self.later, (first[:, :n], second[:, :n]))
+
+    @cached_property
     def _clock(self) -> list[Array]:
         """L_qt, p_t, L_t, and L_tt + sum lam f_tt."""
         at, system = self.at, self.at.problem.system
         made = system.memoize("clocked", lambda: _clock_derivatives(system))
-        lam = np.nan_to_num(at.rows)[at.tr.layout.node_of]
+        lam = np.zeros((at.tr.layout.evaluations, system.m))
+        if self._rows is not None:
+            lam = self._rows.lam
+        elif at.tr.order == 1:
+            lam = np.nan_to_num(at.rows)[at.tr.layout.node_of]
         return [x.copy() for x in made(*self._state, lam)]
 
     def _along(self, which: int, by_q: Array, by_v: Array) -> Array:
@@ -116,13 +132,14 @@ class Stretch:
         by_t = 0.0
         if self.timed:
             at, system = self.at, self.at.problem.system
-            if system.m:
+            if system.m and at.tr.order == 1:
                 lam = np.nan_to_num(at.rows) if lam is None else lam
                 lam = lam[at.tr.layout.node_of]
                 by_t = explicit(system)(*self._state, lam)[0][:, 0].copy()
             else:
                 by_t = system.pointwise("rate")(*self._state)[0][:, 0].copy()
-        return self.sums(L[:, 0], force, p, by_t)
+        found = self.sums(L[:, 0], force, p, by_t)
+        return found if self._rows is None else found + self._rows.work()
 
     @cached_property
     def parts(self) -> Array:
@@ -149,72 +166,11 @@ class Stretch:
         found = np.zeros((layout.size, len(self.rates)))
         for j, part in enumerate(self.parts):
             found[: layout.unknowns, j] = tr.at_unknowns(part)
-        if layout.rows and tr.order > 1:
-            self._add_contact_rows(found)
+        if self._rows is not None:
+            self._rows.add_residuals(found)
         elif self.timed and layout.rows:
             self._add_rows(found)
         return found
-
-    def _add_contact_rows(self, found: Array) -> None:
-        """Add what rows of higher orders change by, which hold f at all nodes of their elements."""
-        tr, layout = self.at.tr, self.at.tr.layout
-        system, packed = tr.problem.system, tr.problem.packed
-        n, m, pointwise, jets = system.n, system.m, system.pointwise, self._shifts[0][0]
-        q, times, z = tr.place(self.at.x).at[:, :n], tr.times, self.at.z
-        assert jets is not None
-        kept, shift = tr.row_multipliers(z), jets[:, :n]
-        jacobian, curvature = pointwise("constraint_jacobian"), pointwise("constraint_curvature")
-        G, f = (x.copy() for x in jacobian(q, times, packed))
-        G, lam = jacobian.full(0, G), tr.multipliers_between(z)
-        bent = curvature.full(0, curvature(q, lam, times, packed)[0], symmetric=True)
-        turned = pointwise("normal_rate")(q, lam, times, packed)[0].copy()
-        moving = pointwise("constraint_rate")(q, times, packed)[0].copy()
-        force = np.einsum("kmn,km->kn", G, lam)
-        along = np.einsum("kmn,kn->km", G, shift)
-        bent = np.einsum("kij,kj->ki", bent, shift)
-        for j, (longer, later) in enumerate(zip(self.longer, self.later, strict=True)):
-            change = along * longer[:, None] + moving * later[:, None]
-            rows, pressed = np.zeros(layout.row_number.shape), np.zeros_like(lam)
-            unit = self._change_of_units(longer)
-            for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
-                each, points, power = tr.contact_rows(k), g.nodes.shape, shape.contact[1][:, None]
-                grown = power * longer[g.span].reshape(points)[:, :1, None]
-                part = each @ change[g.span].reshape(*points, m)
-                part += grown * (each @ f[g.span].reshape(*points, m))
-                at = shape.derivative[:, None] * m + np.arange(m)
-                np.add.at(rows, (g.nodes[:, shape.node][:, :, None], at), part)
-                own = kept.reshape(len(kept), tr.order, m)[g.nodes[:, shape.node], shape.derivative]
-                own = own * (grown - unit[g.nodes[:, shape.node], shape.derivative][:, :, None])
-                pressed[g.span] = np.einsum("eak,eai->eki", each, own).reshape(-1, m)
-            if layout.closed:
-                rows[0] += rows[-1]
-            work = bent * longer[:, None] + turned * later[:, None]
-            work += np.einsum("kmn,km->kn", G, pressed / tr.weight)
-            none = np.zeros((len(q), layout.width - n))
-            by_place = np.concatenate([work, none], axis=1)
-            own = np.concatenate([force, none], axis=1)
-            parts = tr.pull_back(by_place, 0 * q)
-            # What weights of evaluations are made of does not change: forces are held as they are.
-            parts += tr.pull_back(own, 0 * q) * (layout.derivative * longer)[:, None]
-            found[: layout.unknowns, j] += tr.at_unknowns(parts)
-            at, unit = (layout.row_node, layout.row_constraint), np.repeat(unit, m, axis=1)
-            change = rows[at] / tr.row_unit - tr.constraint(self.at.x) * unit[at]
-            found[layout.unknowns : layout.size, j] += change
-
-    def _change_of_units(self, longer: Array) -> Array:
-        """Return how the logarithms of the units of rows in contact change, (K, order)."""
-        tr, layout = self.at.tr, self.at.tr.layout
-        found, whole = np.zeros((2, layout.node_count, tr.order))
-        for k, (g, shape) in enumerate(zip(layout.groups, layout.shapes, strict=True)):
-            part = tr.contact_row_weights(k)
-            power = 2 * tr.order - 1 + shape.contact[1] + shape.derivative
-            at = g.nodes[:, shape.node], shape.derivative
-            np.add.at(whole, at, part)
-            np.add.at(found, at, part * power * longer[g.span].reshape(g.nodes.shape)[:, :1])
-        if layout.closed:
-            for x in (found, whole):
-                x[0] += x[-1]
-        return found / np.where(whole > 0, whole, 1.0)
 
     def _add_rows(self, found: Array) -> None:
         """Add what the constraints change by, and with them the forces that keep them."""
@@ -247,7 +203,7 @@ class Stretch:
             off = self.weight * (by_t[:, 0] + self._along(0, by_q, by_v))
             mixed = (self.longer * off) @ self.later.T
             found += mixed + mixed.T + (self.later * (self.weight * by_tt[:, 0])) @ self.later.T
-        return found
+        return found if self._rows is None else found + self._rows.work_twice()
 
 
 def by_joints(at: DiscretePath, events: NDInt | slice = slice(None)) -> Stretch:
