@@ -199,15 +199,15 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
     """
     system, n = problem.system, problem.system.n
     for event in events:
-        unknown = event.t is None or event.on is not None
-        held = (system.m or system.r) and system.order > 1
-        if held and (unknown or isinstance(event, Periodic)):
-            what = "constraints stand" if system.m else "an obstacle stands"
+        unknown, closed = event.t is None or event.on is not None, isinstance(event, Periodic)
+        if system.order > 1 and ((system.m and (unknown or closed)) or (system.r and closed)):
+            what = "times and places of events" if system.m else "an end that is given"
+            beside = "constraints stand" if system.m else "an obstacle stands"
             raise ValueError(
-                f"expected times and places of events where {what} beside a Lagrangian "
-                f"with accelerations, found {event!r}: what they do to a time that is found, or "
-                "round a closed path, is not known there; "
-                + ("use coordinates that need none" if system.m else "give the time and the place")
+                f"expected {what} where {beside} beside a Lagrangian with accelerations, found "
+                f"{event!r}: what they do to a time that is found, or round a closed path, is not "
+                "known there; "
+                + ("use coordinates that need none" if system.m else "give the end, or move it")
             )
         if len(event.rates) >= system.order:
             name = RATES[len(event.rates) - 1]

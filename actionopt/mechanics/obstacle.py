@@ -89,17 +89,19 @@ def put_on_obstacle(system: System, places: Array, t: float, packed: Array) -> A
 
 
 def check_rates_outside(
-    system: System, packed: Array, events: Sequence[Event], scales: Array, duration: float
+    system: System, packed: Array, events: Sequence[Event], scales: Array, duration: float | None
 ) -> None:
     """Raise ValueError where velocities that are given lead into the obstacle from events on it.
 
-    And where none is given at an event on it that is passed: the path touches it there.
+    And where none is given at an event on it that is passed: the path touches it there. The
+    duration is None if it is to be found; what moves is then decided along the path.
     """
     held, n = system.with_contact, system.n
     function, jacobian = rates_of_rows(held), held.pointwise("constraint_jacobian")
     for k, event in enumerate(events):
-        places, t = event.places(2), np.array([[event.t]])
-        if None in places[:n]:
+        places, t = event.places(2), np.array([[event.t or 0.0]])
+        moves = event.t is None and held.structure.depends_on_time
+        if None in places[:n] or moves:
             continue
         q = np.array([places[:n]], dtype=float)
         G, f = (x.copy() for x in jacobian(q, t, packed))
@@ -117,8 +119,9 @@ def check_rates_outside(
                 )
             continue
         rate = function(np.array([places], dtype=float), np.zeros((1, n)), t, packed)[0][0]
-        least = EVENT_TOLERANCE * (sizes + np.abs(jacobian.full(0, G)[0] @ places[n:]) * duration)
-        rate = rate * duration
+        least = EVENT_TOLERANCE * np.abs(jacobian.full(0, G)[0] @ places[n:])
+        if duration is not None:
+            least = EVENT_TOLERANCE * sizes / duration + least
         wrong = on & (np.abs(rate) > least if inner else (rate if first else -rate) < -least)
         if wrong.any():
             raise ValueError(

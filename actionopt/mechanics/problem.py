@@ -138,7 +138,8 @@ class Problem:
             if self.asked is None:  # places that are found are not the question's
                 check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
                 if self.system.order > 1:
-                    known = self.joints_found, self.scales, self.duration
+                    T = None if self.free_time else self.duration
+                    known = self.joints_found, self.scales, T
                     check_rates_outside(self.system, self.packed, *known)
         if isinstance(self.end, Periodic) and self.end.relabel is not None:
             check_alike(self)

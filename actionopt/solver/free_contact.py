@@ -40,6 +40,7 @@ from actionopt.solver.nearest_points import points, sizes
 from actionopt.solver.obstacle import Along
 from actionopt.solver.refine import settle_on
 from actionopt.solver.signals import SIGNALS, status_of
+from actionopt.solver.touching import Touching
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
@@ -58,11 +59,12 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
     """
     tol, watch = choices.tol, choices.watch
     started, best, hint = perf_counter(), None, NOWHERE
+    kind = Along if problem.system.order == 1 else Touching
     try:
         for near in _between_given(problem, guess, watch):
             if not near.success:
                 continue
-            ws = Along(Held(_at(problem, near)), tol=tol, watch=watch)
+            ws = kind(Held(_at(problem, near)), tol=tol, watch=watch)
             try:
                 status = release_contacts(ws, tol, near)
                 status = settle_on(ws, status, choices.mesh, least=True)
@@ -78,7 +80,7 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
     except OutOfTime:  # on the way to a path between given events
         hint = ""
     if best is None:
-        ws = Along(Held(_at_first(problem)), tol=tol, checked=True)
+        ws = kind(Held(_at_first(problem)), tol=tol, checked=True)
         ws.ensure_iterate()
         status = Status.NOT_FOUND if hint else Status.OUT_OF_TIME
         best = solution_of(ws, status, "obstacle", started)
@@ -99,7 +101,7 @@ def _between_given(
     Between points near each other on the surfaces of the ends, and over the duration that the
     energy takes along each path: the path and its duration are found in turn.
     """
-    if problem.through:
+    if problem.through or problem.system.order > 1:
         yield from _through_given(problem, guess, watch)
         return
     path = None if guess is None else guess_path(problem, guess, REPRESENTED[0])
@@ -191,7 +193,7 @@ def _through_given(
                 places[k] = out if np.isfinite(out).all() else places[k]
         pairs = zip(asked.joints_found, places.tolist(), strict=True)
         start, *through, end = (
-            Event(e.t, [y if x is None else x for x, y in zip(e.q, q, strict=True)])
+            e._replace(q=[y if x is None else x for x, y in zip(e.q, q, strict=True)], on=None)
             for e, q in pairs
         )
         with suppress(ValueError):  # one of the places is inside of the obstacle
