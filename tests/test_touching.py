@@ -531,6 +531,100 @@ def test_derivatives_by_times_of_what_rows_do():
     np.testing.assert_allclose(found, twice, rtol=1e-6, atol=1e-4)
 
 
+@pytest.mark.long
+def test_a_duration_is_found_that_has_an_energy():
+    """Down to the floor at a moment: S = 4 (3 - 3 V h + V^2 h^2) / h^3, h half of the duration."""
+    V, E, h = 5.0, 8.0, 0.5
+    assert -18 / h**4 + 12 * V / h**3 - 2 * V**2 / h**2 == pytest.approx(-E)  # dS/dT = -H
+    ends = ao.Event(0, [1.0], v=[-V]), ao.Event(None, [1.0], v=[V])
+    found = ao.solve(ao.Problem(SPLINE, *ends, energy=E), tol=1e-10)
+    assert found.duration == pytest.approx(2 * h, abs=1e-11)
+    assert found.contacts[0].begin == pytest.approx(h, abs=1e-11)
+    assert found.action == pytest.approx(56.0, rel=1e-11)
+    assert found.energy([0.2, 0.8]) == pytest.approx(E, rel=1e-9)
+    assert found.morse_index == 0
+
+
+@pytest.mark.long
+def test_a_duration_is_found_over_a_floor_that_moves():
+    """Two durations have the energy; at the longer one, near a guess, H grows: S + E T falls."""
+    w, E, v0, v1 = 3.0, -4.582097151979738, [-6.0], [4.0]
+    floor = lambda t: 0.3 * np.sin(w * t)  # noqa: E731
+    system = ao.System(
+        lambda q, v, a, t: a[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0] - floor(t)
+    )
+
+    def spline(t, T):
+        v, a, j, action = clamped_spline([0, t, T], [[1.0], [floor(t)], [1.0]], v0, v1)
+        end = a[-1, 0] + j[-1, 0] * (T - t)
+        H = end**2 / 2 - j[-1, 0] * v1[0]
+        return np.array([v[1, 0] - 0.3 * w * np.cos(w * t), H - E]), action
+
+    def ask(T, **more):
+        return ao.Problem(system, ao.Event(0, [1.0], v=v0), ao.Event(T, [1.0], v=v1), **more)
+
+    t, T = newton(lambda x: spline(*x)[0], np.array([0.37, 0.77]))
+    found = ao.solve(ask(None, energy=E), tol=1e-10)
+    assert (found.contacts[0].begin, found.duration) == pytest.approx((t, T), abs=1e-10)
+    assert found.action == pytest.approx(spline(t, T)[1], rel=1e-10) and found.morse_index == 0
+    longer = newton(lambda x: spline(*x)[0], np.array([0.43, 1.0]))
+    other = ao.solve(ask(None, energy=E), guess=ao.solve(ask(longer[1])), throw=False)
+    assert other.duration == pytest.approx(longer[1], abs=1e-7)
+    assert other.status is ao.Status.NOT_LEAST
+
+
+@pytest.mark.long
+def test_the_end_of_a_spline_slides_along_a_line():
+    """Where neither its height nor its velocity is given: no force there, and no moment."""
+    start = [-2.0, 0.2], [1.0, 0.0]
+    events = ao.Event(0, start[0], v=start[1]), ao.Event(3, None, on=lambda q, t: q[0] - 2)
+    found = ao.solve(ao.Problem(DISC, *events), tol=1e-10)
+
+    def through(x):
+        n, along = map(np.array, _frame(x[0]))
+        return n, along, clamped_spline([0, x[1], 3], [start[0], n, [2, x[2]]], start[1], x[3:])
+
+    def missed(x):
+        n, along, (v, a, j, _) = through(x)
+        end = a[-1] + j[-1] * (3 - x[1])
+        return np.r_[n @ v[1], (j[1] - j[0]) @ along, end, j[-1, 1]]
+
+    x = newton(missed, np.array([1.7, 1.35, 2.1, 1.4, 0.9]))
+    assert found.contacts[0].begin == pytest.approx(x[1], abs=1e-9)
+    assert found(3.0) == pytest.approx(np.array([2, x[2]]), abs=1e-9)
+    assert found.velocity(3.0) == pytest.approx(x[3:], abs=1e-8)
+    assert found.action == pytest.approx(through(x)[2][3], rel=1e-10)
+    assert found.morse_index == 0
+
+
+@pytest.mark.long
+def test_the_time_of_an_event_is_found_before_a_spline_touches():
+    """There the jerk jumps across the velocity alone: the energy does not."""
+    ends = ([-2.0, 0.2], [1.0, 0.0]), ([2.0, 0.2], [1.0, 0.0])
+    question = ao.Problem(
+        DISC,
+        ao.Event(0, ends[0][0], v=ends[0][1]),
+        ao.Event(3, ends[1][0], v=ends[1][1]),
+        through=[ao.Event(None, [-0.9, 0.9])],
+    )
+    found = ao.solve(question, tol=1e-10)
+
+    def through(x):
+        n, along = map(np.array, _frame(x[0]))
+        knots = [ends[0][0], [-0.9, 0.9], n, ends[1][0]]
+        return n, along, clamped_spline([0, *x[1:], 3], knots, ends[0][1], ends[1][1])
+
+    def missed(x):
+        n, along, (v, _, j, _) = through(x)
+        return np.array([n @ v[2], (j[2] - j[1]) @ along, (j[1] - j[0]) @ v[1]])
+
+    x = newton(missed, np.array([1.4, 0.95, 1.75]))
+    assert found.problem.through[0].t == pytest.approx(x[1], abs=1e-9)
+    assert found.contacts[0].begin == pytest.approx(x[2], abs=1e-9)
+    assert found.action == pytest.approx(through(x)[2][3], rel=1e-10)
+    assert np.ptp(found.energy([0.1, 0.9, 1.2, 2.5])) < 1e-8
+
+
 @pytest.mark.parametrize(
     ("ask", "says"),
     [
@@ -548,12 +642,8 @@ def test_derivatives_by_times_of_what_rows_do():
             "an obstacle alone",
         ),
         (
-            lambda: ao.Problem(SPLINE, ao.Event(0, [1]), ao.Event(None, [1]), energy=1),
-            "times and places of events where an obstacle",
-        ),
-        (
             lambda: ao.Problem(SPLINE, ao.Event(0, [None]), ao.Periodic(1)),
-            "times and places of events where an obstacle",
+            "an end that is given where an obstacle",
         ),
         (
             lambda: ao.Problem(

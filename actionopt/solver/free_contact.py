@@ -18,10 +18,9 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.borders import over, times_of
+from actionopt.discrete.borders import over, times_of, times_over
 from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
-from actionopt.mechanics.events import Event
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
@@ -49,6 +48,7 @@ from actionopt.tools.watch import OutOfTime, Watch
 TRIED = 3  # pairs of points on surfaces, or ways through events
 MOST_WAYS = 8  # of these, some of which may pass events inside of the obstacle
 DURATIONS = 4  # durations tried, until one is near that of the energy
+BISECTED, LONGER = 12, 1.5  # durations that are tried for an energy, and by what they grow
 NOWHERE = "no path between given events near these was found"
 
 
@@ -77,10 +77,13 @@ def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Fou
                     found = replace(found, status=Status.NOT_LEAST)
             if best is None or _rank(found) < _rank(best):
                 best, hint = found, ws.hint
+            if best.success and kind is Touching:
+                break
     except OutOfTime:  # on the way to a path between given events
         hint = ""
     if best is None:
-        ws = kind(Held(_at_first(problem)), tol=tol, checked=True)
+        nothing = None if problem.system.order == 1 else ()
+        ws = kind(Held(_at_first(problem), nothing), tol=tol, checked=True)
         ws.ensure_iterate()
         status = Status.NOT_FOUND if hint else Status.OUT_OF_TIME
         best = solution_of(ws, status, "obstacle", started)
@@ -183,7 +186,7 @@ def _through_given(
     laws = tuple(law.without_obstacle for law in problem.laws)
     question = laws or (problem.plain or problem.system).without_obstacle
     plain = Problem(question, *events, **known)
-    tried = 0
+    tried, order = 0, problem.system.order
     for path, times in islice(ways(), MOST_WAYS):
         places, asked = path(times).T, problem.found_at(times)
         for k, event in enumerate(asked.joints_found):
@@ -200,8 +203,41 @@ def _through_given(
             fixed = Problem(problem.question, start, end, through=through, **given)
             yield solve_on_the_way(fixed, FIRST_TOL, watch, None if guess is None else path)
             tried += 1
+        if order > 1 and guess is None and problem.free_time and not problem.has_open_events:
+            near = _near_energy(problem, path.mesh.duration, watch)
+            if near is not None:
+                yield near
         if tried == TRIED:
             return
+
+
+def _near_energy(problem: Problem, T: float, watch: Watch | None) -> Solution | None:
+    """Return a path over a given duration at which its energy is about that asked, near T.
+
+    Where S + E T is least the energy falls as the duration grows: it is between two durations,
+    the one half way between them in the logarithm. What is in contact may be another at another
+    duration, and Newton's method does not see that. None if there is no path.
+    """
+    near: Solution | None = None
+    short, long = 0.0, np.inf
+    for _ in range(BISECTED):
+        times = times_over(problem, T)
+        start, end = problem.start.at(times[0]), problem.end.at(times[1])
+        given = {"parameters": problem._given_parameters, "integral": problem.integral}
+        asked = Problem(problem.question, start, end, through=problem.through, **given)
+        found = solve_on_the_way(asked, FIRST_TOL, watch)
+        if not found.success:
+            break
+        near = found
+        if found.energy(found.end.t) > (problem.energy or 0.0):
+            short = T
+        else:
+            long = T
+        if long < (1 + NEAR_DURATION) * short:
+            break
+        between = short and np.isfinite(long)
+        T = np.sqrt(short * long) if between else LONGER * short if short else long / LONGER
+    return near
 
 
 def _passing_anyway(
