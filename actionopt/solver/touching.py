@@ -302,7 +302,7 @@ def touch(ws: Touching, mesh: Mesh, guess: Path | None, eased: bool) -> First | 
             g.append(values - np.array(problem.integral))
             above = np.append(above, np.zeros(count_g))
         if eased:
-            miss = ca.sumsqr(g[1] / np.maximum(np.abs(problem.integral), EPS))
+            miss = ca.sumsqr(g[1] / np.maximum(np.abs(np.array(problem.integral)), EPS))
             x0 = minimize(x, S + MISSED * miss, g[0], x0, above[: unit.size])[0].z
         attempt, forces, rows = minimize(x, S, ca.vertcat(*g), x0, above)
     ws.record.iterations["ipopt"] += attempt.iterations
