@@ -48,7 +48,7 @@ from actionopt.tools.watch import OutOfTime, Watch
 TRIED = 3  # pairs of points on surfaces, or ways through events
 MOST_WAYS = 8  # of these, some of which may pass events inside of the obstacle
 DURATIONS = 4  # durations tried, until one is near that of the energy
-BISECTED, LONGER = 12, 1.5  # durations that are tried for an energy, and by what they grow
+BISECTED, DURATION_FACTOR = 12, 1.5  # durations that are tried for an energy, and by what they grow
 NOWHERE = "no path between given events near these was found"
 
 
@@ -236,7 +236,13 @@ def _near_energy(problem: Problem, T: float, watch: Watch | None) -> Solution | 
         if long < (1 + NEAR_DURATION) * short:
             break
         between = short and np.isfinite(long)
-        T = np.sqrt(short * long) if between else LONGER * short if short else long / LONGER
+        T = (
+            np.sqrt(short * long)
+            if between
+            else DURATION_FACTOR * short
+            if short
+            else long / DURATION_FACTOR
+        )
     return near
 
 
