@@ -543,7 +543,7 @@ class Answers:
         self.last = solution
 
     def _samples(self, solution: Solution) -> Array:
-        """Return the coordinates (n, K) at fixed fractions of the duration: paths are compared there."""
+        """Return the coordinates (n, K) at fixed parts of the duration, to compare paths."""
         return solution(solution.start.t + PARTS * solution.duration)
 
     def _same_action(self, one: Solution, other: Solution) -> bool:

@@ -566,7 +566,8 @@ class System(NumericLaws):
 def _check_parts(order: int, obstacle: Any, others: Sequence[Any]) -> None:
     """Raise ValueError for an obstacle that a Lagrangian with accelerations cannot have.
 
-    `order` is that of the highest derivative in the Lagrangian, and `others` are the constraint and the force of the system, None where there are none.
+    `order` is that of the highest derivative in the Lagrangian, and `others` are the constraint and
+    the force of the system, None where there are none.
     """
     if obstacle is None:
         return
