@@ -356,3 +356,18 @@ def test_near_a_rest_a_path_decays_by_its_rates():
     since = np.array([0.0, 0.7, INF])
     assert near.beyond(np.array([0.3]), since)[0] == pytest.approx(0.3 * np.exp(-2 * since))
     assert near.beyond(np.array([0.3]), since[:1])[0] == pytest.approx([0.3])
+
+
+@pytest.mark.long
+def test_events_far_from_rest_are_passed_on_a_long_window():
+    """The action by the midpoint rule in 480 and 720 intervals over (-12, 12), extrapolated."""
+
+    def law(q, v, t):
+        well = (1 - q[0] ** 2) ** 2 / 2 + (q[1] + 0.06 * (1 - q[0] ** 2)) ** 2 / 2
+        return (v @ v) / 2 + well * (1 + 0.3 * np.exp(-(t**2)))
+
+    stops = [(-0.8, [None, 0.4]), (-0.24, [0.75, -0.22]), (0.75, [0.05, -0.18])]
+    ends = ao.Event(-np.inf, [-1.0, 0.0]), ao.Event(np.inf, [-1.0, 0.0])
+    through = [ao.Event(t, q) for t, q in stops]
+    sol = ao.solve(ao.Problem(ao.System(law, ["x", "y"]), *ends, through=through))
+    assert sol.action == pytest.approx(3.195175, abs=1e-5)

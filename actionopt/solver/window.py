@@ -206,8 +206,13 @@ def for_search(whole: Problem, tol: float) -> Problem:
 
 
 def step(problem: Problem) -> Callable[[Array], Array] | None:
-    """Return a step, tanh, from one equilibrium to the other on a window, or None for one alone."""
+    """Return a step, tanh, from one equilibrium to the other on a window, or None for one alone.
+
+    Through events, a path straight between them that comes to rest beyond.
+    """
     before, after = problem.rests
+    if problem.through:
+        return _through_events(problem)
     if before is None or after is None:
         return None
     a, b = (np.array(e.near, dtype=float)[:, None] for e in (problem.start, problem.end))
@@ -215,6 +220,26 @@ def step(problem: Problem) -> Callable[[Array], Array] | None:
         return None
     rate = np.sqrt(before.slow * after.slow) / 2
     return lambda t: (a + b) / 2 + (b - a) / 2 * np.tanh(rate * t)
+
+
+def _through_events(problem: Problem) -> Callable[[Array], Array]:
+    """Return the path straight between given coordinates in a time that slows down towards rest."""
+    before, after = problem.rests
+    first, last = problem.through[0].t, problem.through[-1].t
+
+    def clock(t: Array) -> Array:
+        early, late = np.minimum(t - first, 0.0), np.maximum(t - last, 0.0)
+        if before is not None:
+            early = np.expm1(before.slow * early) / before.slow
+        if after is not None:
+            late = -np.expm1(-after.slow * late) / after.slow
+        return np.clip(t, first, last) + early + late
+
+    events = problem.joints_found
+    times = clock(np.array([e.t for e in events]))
+    rows = np.array([[np.nan if x is None else x for x in e.near] for e in events]).T
+    known = [(times[~np.isnan(row)], row[~np.isnan(row)]) for row in rows]
+    return lambda t: np.stack([np.interp(clock(t), *one) for one in known])
 
 
 def graded_mesh(problem: Problem, elements: int, degree: int) -> Mesh:
