@@ -235,14 +235,10 @@ def _near_energy(problem: Problem, T: float, watch: Watch | None) -> Solution | 
             long = T
         if long < (1 + NEAR_DURATION) * short:
             break
-        between = short and np.isfinite(long)
-        T = (
-            np.sqrt(short * long)
-            if between
-            else DURATION_FACTOR * short
-            if short
-            else long / DURATION_FACTOR
-        )
+        if not short:
+            T = long / DURATION_FACTOR
+        else:
+            T = min(DURATION_FACTOR * short, float(np.sqrt(short * long)))
     return near
 
 
