@@ -16,6 +16,7 @@ from actionopt import scenes
 from actionopt.gallery import units
 from actionopt.gallery.texts import texts
 from actionopt.mechanics import written
+from actionopt.plot._names import units_of
 from actionopt.tools import formula as F
 from actionopt.tools.mathml import mathml
 
@@ -257,3 +258,13 @@ def test_every_parameter_of_a_law_has_a_unit(name):
     taken = [p for law in laws for p in inspect.signature(law).parameters.values()]
     listed = units.PARAMETER_UNITS | units.SCENE_UNITS.get(name, {})
     assert not {p.name for p in taken if p.kind is p.KEYWORD_ONLY} - {*listed}
+
+
+def test_along_a_parameter_nothing_is_told_in_seconds_but_a_time():
+    for name in scenes.SCENES:
+        scene = scenes.get(name)
+        if scene.measure is None or units_of(scene).time:
+            continue
+        for fact in scene.facts.numbers:
+            if fact.startswith("contact_"):
+                assert " s" not in f" {units.fact_unit(name, fact)}".replace("/", " "), (name, fact)

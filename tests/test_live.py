@@ -531,6 +531,19 @@ def test_the_coordinate_shown_first_is_one_that_a_handle_moves(folder, chromium)
     assert chromium.run(chosen) == ["\u03b8"]  # r is held
 
 
+def test_a_path_goes_down_where_its_picture_does(folder, chromium):
+    opened(chromium, folder, scenes.get("brachistochrone"))
+    high = "document.querySelector('.live .event{}').cy.baseVal.value"
+    assert chromium.run(high.format(".first")) < chromium.run(high.format(":not(.first)"))
+    handle = "document.querySelector('.live [data-handle=\"4\"]')"
+    above = f"{handle}.getBoundingClientRect().y"
+    before, y = chromium.run(above), float(chromium.run(f"{handle}.ariaValueNow"))
+    chromium.run(f"{handle}.focus()")
+    chromium.key("ArrowUp")
+    assert chromium.run(above) < before
+    assert float(chromium.run(f"{handle}.ariaValueNow")) < y  # the depth
+
+
 def test_all_of_it_by_keyboard_and_on_a_phone(folder, chromium):
     opened(chromium, folder, scenes.get("kepler"), 360, 740)
     assert chromium.run("document.documentElement.scrollWidth <= innerWidth")

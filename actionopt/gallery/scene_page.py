@@ -28,7 +28,7 @@ from actionopt.tools.words import number, say
 SOLVING = """\
 solution = ao.solve(scene.problem, tol=1e-10, guess=scene.guess)
 
-print("action", solution.action, "{unit}, error of the path", solution.error)
+print("action", solution.action, "{unit}error of the path", solution.error)
 print("momenta", *solution.momenta)
 """
 COMPARED = 'print("forward integration leads elsewhere by", solution.compare().position)\n'
@@ -317,7 +317,8 @@ def _beside(s: Subject) -> str:
 def run(scene: scenes.Scene, words: Texts) -> tuple[str, str, Solution]:
     """Run the program of a scene; return it, what it printed, and its solution."""
     system = scene.problem.system
-    solving = SOLVING.replace("{unit}", units_of(scene).action)
+    unit = units_of(scene).action
+    solving = SOLVING.replace("{unit}", f"{unit}, " if unit else "")
     program = f"{words.program}{solving}{TOUCHED if system.r else COMPARED}"
     program += "" if system.structure.forced else VERDICT
     output, names = io.StringIO(), {"scene": scene}

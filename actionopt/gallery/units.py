@@ -53,7 +53,15 @@ FACTS = {
     "joachimsthal": "m^2", "spread": "m", "leap": "s", "cart_energy": "J", "radius": "m",
     "rope_length": "m", "volume": "m^3", "begin_impulse": "N", "end_impulse": "N",
 }  # fmt: skip
-SCENE_FACTS = {"beam_on_floor": {"contact_begin": "m", "contact_end": "m", "contact_force": "N/m"}}
+BARE_CONTACT = {"contact_begin": "", "contact_end": "", "contact_force": ""}  # along a parameter
+SCENE_FACTS = {
+    **dict.fromkeys(("chain_on_floor", "rope_on_floor"), BARE_CONTACT),
+    **dict.fromkeys(  # S in square metres
+        ("rope_round_post", "string_to_wall", "way_round_ball"),
+        BARE_CONTACT | {"contact_force": "m"},
+    ),
+    "beam_on_floor": {"contact_begin": "m", "contact_end": "m", "contact_force": "N/m"},
+}
 
 
 def unit(scene: str, parameter: str) -> str:

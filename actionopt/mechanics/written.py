@@ -232,6 +232,9 @@ def _power(a: Sum, k: Fraction) -> Sum:
             return {tuple((x, j * k) for x, j in product): c ** int(k)}
         if c == 1 and all((j * k).denominator > 1 or j * k < 0 for _, j in product):
             return {tuple((x, j * k) for x, j in product): c}
+    least = min(map(abs, a.values()))
+    if k < 0 and k.denominator == 1 and least > 1 and all(c / least % 1 == 0 for c in a.values()):
+        return {(((_freeze(_scale(a, 1 / least)),), k),): least ** int(k)}
     return {(((_freeze(a),), k),): Fraction(1)}
 
 

@@ -25,7 +25,7 @@ WORDS = Words(
 
 
 def length(q, v, *, h):
-    """L = h (x'^2 + y'^2) / (2 y), for unit mass."""
+    """L = h (x'^2 + y'^2) / (2 y), half the square of a length."""
     return np.sqrt(h * (v @ v) / q[1])
 
 

@@ -33,7 +33,7 @@ WORDS = Words(
 
 
 def length(q, v, *, c):
-    """L = (y + c)^2 (x'^2 + y'^2) / (2 c^2), for unit mass."""
+    """L = (y + c)^2 (x'^2 + y'^2) / (2 c^2), half the square of a length."""
     return (q[1] + c) * np.sqrt(v @ v) / c
 
 

@@ -26,7 +26,7 @@ WORDS = Words(
 
 
 def length(q, v, *, a):
-    """L = 2 (x'^2 + y'^2) / (1 + (x^2 + y^2) / a^2)^2, for unit mass."""
+    """L = 2 (x'^2 + y'^2) / (1 + (x^2 + y^2) / a^2)^2, half the square of a length."""
     return 2 * np.sqrt(v @ v) / (1 + q @ q / a**2)
 
 

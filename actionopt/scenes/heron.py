@@ -31,7 +31,7 @@ WORDS = Words(
 
 
 def length(q, v):
-    """L = (x'^2 + y'^2) / 2, for unit mass."""
+    """L = (x'^2 + y'^2) / 2, half the square of a length."""
     return np.sqrt(v @ v)
 
 

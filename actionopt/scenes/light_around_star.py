@@ -26,7 +26,7 @@ WORDS = Words(
 
 
 def length(q, v, *, M):
-    """L = (r'^2 / f^2 + r^2 phi'^2 / f) / 2, with f = 1 - 2 M / r, for unit mass."""
+    """L = (r'^2 / f^2 + r^2 phi'^2 / f) / 2, with f = 1 - 2 M / r, half the square of a length."""
     f = 1 - 2 * M / q[0]
     return np.sqrt((v[0] / f) ** 2 + (q[0] * v[1]) ** 2 / f)
 

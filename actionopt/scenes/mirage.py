@@ -27,7 +27,7 @@ WORDS = Words(
 
 
 def length(q, v, *, h):
-    """L = (1 + y / h) (x'^2 + y'^2) / 2, for unit mass."""
+    """L = (1 + y / h) (x'^2 + y'^2) / 2, half the square of a length."""
     return np.sqrt((1 + q[1] / h) * (v @ v))
 
 

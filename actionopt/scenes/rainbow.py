@@ -33,7 +33,7 @@ WORDS = Words(
 
 
 def length(q, v, *, n):
-    """L = n^2 (x'^2 + y'^2) / 2, for unit mass, n is one outside of the drop."""
+    """L = n^2 (x'^2 + y'^2) / 2, half the square of a length, n is one outside of the drop."""
     return n * np.sqrt(v @ v)
 
 

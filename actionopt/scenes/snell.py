@@ -32,7 +32,7 @@ WORDS = Words(
 
 
 def length(q, v, *, n):
-    """L = n^2 (x'^2 + y'^2) / 2, for unit mass, n that of each layer."""
+    """L = n^2 (x'^2 + y'^2) / 2, half the square of a length, n that of each layer."""
     return n * np.sqrt(v @ v)
 
 

@@ -29,7 +29,7 @@ WORDS = Words(
 
 
 def length(q, v, *, R):
-    """L = y^2 (x'^2 + y'^2) / (2 R^2), for unit mass."""
+    """L = y^2 (x'^2 + y'^2) / (2 R^2), half the square of a length."""
     return q[1] * np.sqrt(v @ v) / R
 
 

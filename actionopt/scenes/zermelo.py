@@ -27,7 +27,11 @@ WORDS = Words(
 
 
 def length(q, v, *, w):
-    """L = (sqrt(x'^2 + (1 - u^2) y'^2) - u x')^2 / (2 (1 - u^2)^2), with u = w y, for unit mass."""
+    """Return the time per unit of the parameter.
+
+    L = (sqrt(x'^2 + (1 - u^2) y'^2) - u x')^2 / (2 (1 - u^2)^2), with u = w y, half the square of a
+    length.
+    """
     u = w * q[1]
     return (np.sqrt(v[0] ** 2 + (1 - u**2) * v[1] ** 2) - u * v[0]) / (1 - u**2)
 

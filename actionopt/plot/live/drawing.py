@@ -10,11 +10,13 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.expressions import Expressions
+from actionopt.plot._names import planar
 from actionopt.plot.data.motion import Draw, motion_data
 from actionopt.plot.live.javascript import body
 from actionopt.scenes import Shape, project
 
 FRAMES = 121
+SHIFT = 1e-3  # of a coordinate's size: far above round-off, and small beside any picture (ad hoc)
 
 
 def drawing(solution: Solution, draw: Draw) -> dict[str, Any]:
@@ -41,6 +43,21 @@ def drawing(solution: Solution, draw: Draw) -> dict[str, Any]:
             for shape in shapes
         ],
     }
+
+
+def is_upside_down(solution: Solution, draw: Draw) -> bool:
+    """Whether the picture moves down where the second coordinate of the plane grows."""
+    start, t = solution.start, solution.problem.start.t
+    pairs = planar(solution.problem.system.coordinates)
+    if not pairs:
+        return False
+    moved = np.array(start.q)
+    moved[pairs[0][1]] += SHIFT * solution.problem.lengths[pairs[0][1]]
+    before, after = (
+        np.hstack([project(np.asarray(shape.points, float)) for shape in draw(q, t)])
+        for q in (np.array(start.q), moved)
+    )
+    return before.shape == after.shape and float(np.sum(after[1] - before[1])) < 0
 
 
 def trace_shapes(n: int, draw: Draw) -> tuple[Sequence[Shape], ca.Function]:

@@ -16,7 +16,7 @@ from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import Draw
 from actionopt.plot.live.as_found import answer, still
 from actionopt.plot.live.data import data
-from actionopt.plot.live.drawing import drawing
+from actionopt.plot.live.drawing import drawing, is_upside_down
 from actionopt.plot.live.film import STATIC
 from actionopt.plot.live.words import words as spoken
 from actionopt.scenes import Measure, Scene
@@ -150,7 +150,7 @@ def figure(
         unit = measure.unit.replace("^2", "\N{SUPERSCRIPT TWO}")
         found["measure"] = {"name": name, "unit": unit, "factor": measure.factor}
     if draw is not None:
-        found["picture"] = drawing(solution, draw)
+        found |= {"picture": drawing(solution, draw), "down": is_upside_down(solution, draw)}
     text = json.dumps(found, separators=(",", ":")).replace("</", "<\\/")
     words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
     looks = " data-show" * shown + " data-sum" * arrows

@@ -83,7 +83,7 @@
   function start(figure) {
     const data = JSON.parse(figure.querySelector("script").textContent), W = data.words;
     let A = new Action(data);
-    const { n, forced } = A, units = data.units, spans = data.spans;
+    const { n, forced } = A, units = data.units, spans = data.spans, up = data.down ? -1 : 1; // as the picture has it
     const unit = (x, word) => (word ? `${x} ${word}`.replace(/ /g, "\u00a0") : x);
     const energy = (x, digits = 4, size = 0) => unit(written(x, digits, size), units.action);
     const knot = (j) => A.shares.indexOf(j / spans); // meshes are cut in halves, and keep the handles' nodes
@@ -299,7 +299,7 @@
       const right = A.start + (wide ? data.longest : Math.max(A.duration, data.duration));
       const mineSeen = A.seen(trial), exactSeen = own ? A.seen(motion.Q) : [];
       // the path
-      pathPanel.scale(view.x, view.y, Boolean(pairs));
+      pathPanel.scale(view.x, view.y, Boolean(pairs), up);
       const [x, y] = curves()[0];
       pathPanel.axes(x === null ? inTime : axis(x), axis(y));
       shapes.forEach(({ pair, truth: line, line: mine, ends }) => {
@@ -435,10 +435,10 @@
       if (held === null) steepest = Math.max(steepest, ...falls.map(([a, b]) => Math.hypot(a, b)));
       figure.dataset.slopes = falls.map(([a, b]) => Math.hypot(a, b).toPrecision(4)).join(" ");
       handles.forEach((it, k) => {
-        const [x, y] = falls[k].map((f) => (steepest ? (ARROW * f) / steepest : 0)), long = Math.hypot(x, y), way = Math.atan2(-y, x);
+        const [x, y] = falls[k].map((f) => (steepest ? (ARROW * f) / steepest : 0)), long = Math.hypot(x, y), way = Math.atan2(-up * y, x);
         if (!it.arrow) it.group.prepend((it.arrow = element(it.group, "path", "pull"))); // below the knob
-        const tip = (by) => `M${x},${-y}L${x - 7 * Math.cos(way + by)},${-y - 7 * Math.sin(way + by)}`;
-        it.arrow.setAttribute("d", long > LEAST_ARROW ? `M0,0L${x},${-y}${tip(0.5)}${tip(-0.5)}` : "");
+        const tip = (by) => `M${x},${-up * y}L${x - 7 * Math.cos(way + by)},${-up * y - 7 * Math.sin(way + by)}`;
+        it.arrow.setAttribute("d", long > LEAST_ARROW ? `M0,0L${x},${-up * y}${tip(0.5)}${tip(-0.5)}` : "");
       });
     }
 
@@ -513,7 +513,7 @@
       const known = [length * Math.SQRT1_2, Math.sign(second) * length * Math.SQRT1_2];
       // the neighbours
       const near = paths.near, [x, y] = curves()[0];
-      near.scale(view.x, view.y, Boolean(pairs));
+      near.scale(view.x, view.y, Boolean(pairs), up);
       near.axes(x === null ? inTime : axis(x), axis(y));
       const curve = (group, rows, look, colour) => group.replaceChildren(...curves().map((pair) => {
         const line = document.createElementNS(NS, "polyline");
@@ -892,7 +892,7 @@
       for (const end of ["pointerup", "pointercancel"])
         group.addEventListener(end, () => { group.classList.remove("held"); if (held) { held = null; draw(); } });
       group.addEventListener("keydown", (event) => {
-        const way = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowRight: [1, 0], ArrowLeft: [-1, 0] }[event.key];
+        const way = { ArrowUp: [0, up], ArrowDown: [0, -up], ArrowRight: [1, 0], ArrowLeft: [-1, 0] }[event.key];
         if (!way) return;
         event.preventDefault();
         stop();

@@ -86,15 +86,17 @@ globalThis.actionopt.panels = (() => {
       put(this.frame, { x: 0, y: 0, width, height });
     }
 
-    scale(x, y, equal = false) {
+    // `up` is -1 where y grows downwards.
+    scale(x, y, equal = false, up = 1) {
       let a = (this.right - this.left) / (x[1] - x[0]), b = (this.bottom - this.top) / (y[1] - y[0]);
       if (equal) a = b = Math.min(a, b);
+      b *= up;
       const left = (this.left + this.right - a * (x[1] - x[0])) / 2, base = (this.top + this.bottom + b * (y[1] - y[0])) / 2;
       this.X = (value) => left + a * (value - x[0]);
       this.Y = (value) => base - b * (value - y[0]);
       this.value = (px, py) => [(px - left) / a + x[0], (base - py) / b + y[0]];
       this.unit = [a, b];
-      this.shown = { x: [this.value(this.left, 0)[0], this.value(this.right, 0)[0]], y: [this.value(0, this.bottom)[1], this.value(0, this.top)[1]] };
+      this.shown = { x: [this.value(this.left, 0)[0], this.value(this.right, 0)[0]], y: [this.value(0, this.bottom)[1], this.value(0, this.top)[1]].sort((c, d) => c - d) };
     }
 
     // Axes by their names; without ticks across where there is none.
