@@ -52,6 +52,7 @@ def test_angular_momentum_is_drawn_where_it_is_conserved():
     assert "angular momentum, conserved" in axes[1].get_legend_handles_labels()[1]
     assert plot.conserved_data(solved("henon_heiles")).angular is None
     assert plot.conserved_data(solved("projectile")).angular is None
+    assert plot.conserved_data(solved("snell")).angular is None  # layers are not turned
 
 
 def test_a_simple_system_of_ones_own_has_kinetic_and_potential_energy():

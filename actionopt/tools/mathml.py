@@ -71,6 +71,8 @@ class _Writer:
                 return _script(self(node) if plain else _bracket(self(node)), "", exponent)
             case ast.Constant(value):
                 return f"<mn>{value}</mn>"
+            case ast.BinOp(base, ast.Pow(), ast.BinOp(ast.Constant(a), ast.Div(), ast.Constant(b))):
+                return self(base, f"<mrow><mn>{a}</mn><mo>/</mo><mn>{b}</mn></mrow>")
             case ast.BinOp(base, ast.Pow(), power):
                 return self(base, self(power))
             case ast.BinOp(ast.Constant(top), ast.Div(), ast.Constant(bottom)):

@@ -150,7 +150,8 @@ class ConservedCurves:
         Whether a symmetry has it stay the same along every motion: H if nothing depends on time,
         the momentum of a cyclic coordinate.
     angular : (K,) array or None
-        The angular momentum in the planes of x and y, if turning them changes nothing.
+        The angular momentum in the planes of x and y, if turning them changes nothing and it stays
+        the same.
     """
 
     t: Array
@@ -186,7 +187,10 @@ def conserved_data(solution: Solution, count: int = CURVE_TIMES) -> ConservedCur
 
 
 def _angular_momentum(solution: Solution, t: Array, p: Array) -> Array | None:
-    """Return sum (x p_y - y p_x), (K,), if all planes of x and y may be turned by one angle."""
+    """Return sum (x p_y - y p_x), (K,), if all planes of x and y may be turned by one angle.
+
+    What stands at events between the ends may still hold the path: then it is not the same in all.
+    """
     problem, names = solution.problem, list(solution.problem.system.coordinates)
     pairs = [
         (names.index(name), names.index(f"y{name[1:]}"))
@@ -203,7 +207,9 @@ def _angular_momentum(solution: Solution, t: Array, p: Array) -> Array | None:
     if not pairs or not _symmetric(problem, turn):
         return None
     q = solution(t)
-    return np.sum([q[i] * p[j] - q[j] * p[i] for i, j in pairs], axis=0)
+    found = np.sum([q[i] * p[j] - q[j] * p[i] for i, j in pairs], axis=0)
+    size = np.max(np.abs(q)) * np.max(np.abs(p))
+    return found if np.ptp(found) <= FLAT_CHANGE * size else None
 
 
 def _symmetric(problem: Problem, rates: Any, time: float = 0.0) -> bool:

@@ -16,7 +16,9 @@ from actionopt.plot.live.javascript import body
 from actionopt.scenes import Shape, project
 
 FRAMES = 121
-SHIFT = 1e-3  # of a coordinate's size: far above round-off, and small beside any picture (ad hoc)
+MOVED_BY = (
+    1e-3  # of a coordinate's size: far above round-off, and small beside any picture (ad hoc)
+)
 
 
 def drawing(solution: Solution, draw: Draw) -> dict[str, Any]:
@@ -52,7 +54,7 @@ def is_upside_down(solution: Solution, draw: Draw) -> bool:
     if not pairs:
         return False
     moved = np.array(start.q)
-    moved[pairs[0][1]] += SHIFT * solution.problem.lengths[pairs[0][1]]
+    moved[pairs[0][1]] += MOVED_BY * solution.problem.lengths[pairs[0][1]]
     before, after = (
         np.hstack([project(np.asarray(shape.points, float)) for shape in draw(q, t)])
         for q in (np.array(start.q), moved)
