@@ -110,8 +110,13 @@ def _conserved_rows(s: Subject) -> Rows:
         values = quantity(s.q, s.v, s.t)
         with np.errstate(all="ignore"):  # where bodies would meet
             terms = quantity(np.abs(s.q), np.abs(s.v), s.t)  # they may cancel in what is conserved
-        known = np.abs(np.concatenate([values, terms[np.isfinite(terms)]]))
-        size = float(np.max(known)) or 1.0
+        # Of other signs bodies may all but meet, where terms are of no common size.
+        common = (
+            float(np.median(np.abs(terms[np.isfinite(terms)])))
+            if np.any(np.isfinite(terms))
+            else 0.0
+        )
+        size = max(float(np.max(np.abs(values))), common) or 1.0
         start = float(values[0]) if abs(values[0]) > ZERO_WITHIN * size else 0.0
         drift = float(np.ptp(values)) / size
         yield TableRow(name_of(s, name), "constant", number(start, FACT_DIGITS), drift)

@@ -13,7 +13,7 @@ from actionopt import plot
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.compact import compact
 from actionopt.gallery.page import escape, typeset
-from actionopt.gallery.subject import Subject, span
+from actionopt.gallery.subject import ZERO_RANGE, Subject, span
 from actionopt.plot.data.fan import is_aligned
 from actionopt.tools.greek import letter
 from actionopt.tools.words import number, say
@@ -357,9 +357,12 @@ def _contact(s: Subject, figure: Any) -> tuple[str, str]:
 def _energies(s: Subject, figure: Any) -> tuple[str, str]:
     plot.energies(s.solution, figure.subplots(), kinetic=s.scene.kinetic, units=s.units)
     T, V, t = s.energies.kinetic, s.energies.potential, s.energies.t
+    size = float(np.trapezoid(np.abs(T) + np.abs(V), t))
+    under = [float(np.trapezoid(x, t)) for x in (T, V)]
+    kinetic, potential = (number(x if abs(x) > ZERO_RANGE * size else 0.0, 4) for x in under)
     values = {
-        "kinetic": number(float(np.trapezoid(T, t)), 4),
-        "potential": number(float(np.trapezoid(V, t)), 4),
+        "kinetic": kinetic,
+        "potential": potential,
         "action": number(s.solution.action, 4),
     }
     return (

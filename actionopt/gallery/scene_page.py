@@ -389,7 +389,7 @@ def _events(s: Subject) -> str:
     names, digits = s.scene.problem.system.coordinates, 4 if s.between else 8
     t = [event.t for event in s.solution.problem.joints_found]
     places = np.array([s.solution.start.q, *s.solution(np.array(t[1:-1])).T, s.solution.end.q])
-    places[np.abs(places) <= EPS * np.max(np.abs(places))] = 0.0  # on surfaces, up to rounding
+    places[np.abs(places) <= 8 * EPS * np.max(np.abs(places))] = 0.0  # rounding of sines, surfaces
     rows = [
         (
             symbol(name),
