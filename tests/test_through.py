@@ -171,6 +171,33 @@ def test_a_coordinate_that_is_round_off_does_not_spoil_the_index(x, tmp_path):
     assert ao.load(tmp_path / "ball.npz", ball).morse_index == 1
 
 
+@pytest.mark.long
+def test_first_paths_keep_given_coordinates():
+    """A particle through four events with one path that few first paths lead to.
+
+    The reference is Newton's method on one Legendre polynomial a leg, its degree 18, from there;
+    the index was counted by dense second derivatives of that.
+    """
+    system = ao.System(
+        lambda q, v, t: (
+            (v[0] ** 2 + v[1] ** 2 + v[2] ** 2) / 2
+            + 0.13 * (q[0] * v[1] - q[1] * v[0]) / 2
+            - 1.69 * (q[0] ** 4 + q[1] ** 4 + q[2] ** 4) / 4
+        ),
+        ["x", "y", "z"],
+    )
+    through = [
+        ao.Event(1.128, on=lambda q, t: q[0] + 0.36 * q[1] - 0.04 * t),
+        ao.Event(None, [-0.75, None, None]),
+        ao.Event(3.382, [None, 0.23, None]),
+    ]
+    ends = ao.Event(0.0, [-0.46, -0.92, -0.97]), ao.Event(4.51, [0.63, 0.83, 0.21])
+    found = ao.solve(ao.Problem(system, *ends, through=through), tol=1e-10)
+    assert found.action == pytest.approx(5.200784998420946, abs=1e-10)
+    assert found.legs[2].mesh.boundaries[0] == pytest.approx(1.8000711604686697, abs=1e-9)
+    assert found.morse_index == 4
+
+
 def test_heron_and_snell():
     mirror = ao.Event(None, None, on=lambda q, t: q[1])
     start = ao.Event(0, [0, 1])

@@ -360,17 +360,18 @@ def _first_legs(
     A few straight ones; motions; ways that begin as one answer and end as another; straight ones
     again.
     """
+    given = np.array([[x is not None for x in event.q] for event in problem.joints_found])
 
     def polygons(first: int, last: int) -> Iterator[tuple[Path, Array] | None]:
         for k in range(first, last):
             away = PLACE_SPREAD * (1 + k // 10) * size * random.standard_normal(base.shape)
+            away[given] = 0.0
             shift = PLACE_SPREAD * random.standard_normal(len(base) - 1)
             q = base if not k else base + away
             yield _begin(problem, q, size, np.ones(shift.size) if k < 2 else np.exp(shift))
 
     yield from polygons(0, BEFORE_RAYS)
-    given = times_of(problem)[[0, -1]]
-    span = float(np.diff(given)[0])
+    span = float(np.diff(times_of(problem)[[0, -1]])[0])
     if not np.isfinite(span):
         span = float(_durations(problem, base).sum())
     rounds = ALL_ROUNDS if count else RAY_ROUNDS
