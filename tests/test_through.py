@@ -187,7 +187,7 @@ def test_first_paths_keep_given_coordinates():
         ["x", "y", "z"],
     )
     through = [
-        ao.Event(1.128, on=lambda q, t: q[0] + 0.36 * q[1] - 0.04 * t),
+        ao.Event(1.128, None, on=lambda q, t: q[0] + 0.36 * q[1] - 0.04 * t),
         ao.Event(None, [-0.75, None, None]),
         ao.Event(3.382, [None, 0.23, None]),
     ]

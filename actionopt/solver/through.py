@@ -220,6 +220,8 @@ def attempts(
                 f"to second order, the paths between the ends are a family of dimension {dimension}"
             )
             solution = replace(solution, status=Status.DEGENERATE)
+        elif status is Status.UNRESOLVED and may_be_family(run, status):
+            solution = judge_family(run, solution)  # a first path may be one of a family already
         known = known or _is_stationary(solution)
         if solution.success:
             answers.append(solution(times_of(solution.problem)).T)
