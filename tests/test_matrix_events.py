@@ -289,7 +289,7 @@ def _():
 @refuses(
     "accelerations",
     "bounces",
-    says="velocities are continuous there",
+    says="velocities are continuous",
     because="a velocity that jumps has infinite acceleration",
 )
 def _():

@@ -52,7 +52,7 @@ def scene(*, B=2.0, w=60.0, heights=(0.4, 0.2), duration=2.5):
     """Clamp a beam of stiffness `B` (N m^2) and weight `w` (N/m) level at the `heights` (m).
 
     The walls are `duration` m apart. From each the beam hangs over the length
-    l = (72 B y / w)^(1/4), with y = w s^3 (4 l - 3 s) / (72 B) at s from the floor. The facts have
+    l, w l^4 = 72 B y, with y = w s^3 (4 l - 3 s) / (72 B) at s from the floor. The facts have
     where contact begins and ends (m), the floor's force (N/m) between, and its impulses there, the
     forces w l / 3 (N). Raises ValueError if the beam does not lie anywhere, or for values that are
     not above 0.
