@@ -166,4 +166,6 @@ def span(values: Array, unit: str, size: float = 0.0) -> str:
     if high - low <= least:
         x = number(high if abs(high) > least else 0.0, 3)
         return say("constant, {x} {unit}", x=x, unit=unit)
-    return say("from {low} to {high} {unit}", low=number(low, 3), high=number(high, 3), unit=unit)
+    return say(
+        "between {low} and {high} {unit}", low=number(low, 3), high=number(high, 3), unit=unit
+    )
