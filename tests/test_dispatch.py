@@ -11,8 +11,17 @@ from actionopt.families.dispatch import _wait, dispatch
 from actionopt.tools.watch import TimeUp, check_time, time_limit
 
 
+class Begun(Future):
+    """A task that is done as soon as it is waited for: no clock decides when."""
+
+    def exception(self, timeout=None):
+        if not self.done():
+            self.finish()
+        return super().exception(timeout)
+
+
 class Pool:
-    """An executor: the first three tasks are done one after the other, the others never."""
+    """An executor: the first task is done, two more when waited for, the others never."""
 
     def __init__(self):
         self.said = []
@@ -20,12 +29,13 @@ class Pool:
         self.futures = []
 
     def submit(self, work, *given):
-        future = Future()
+        future = Begun() if len(self.futures) in (1, 2) else Future()
         self.futures.append(future)
         if len(self.futures) <= 3:
             future.set_running_or_notify_cancel()
-            delay = 0.03 * len(self.futures)
-            Timer(delay, self.finish, (future, work, *given)).start()
+            future.finish = lambda: self.finish(future, work, *given)
+        if len(self.futures) == 1:
+            Timer(0.03, future.finish).start()
         return future
 
     def finish(self, future, work, *given):
