@@ -154,7 +154,7 @@ def find_symmetries(
 def _null_space(equations: Array) -> Array:
     """Return an orthonormal basis of the null space, one row a vector."""
     if len(equations) > equations.shape[1]:  # which has the same one, and is smaller
-        equations = np.linalg.qr(equations, mode="r")
+        equations = np.asarray(np.linalg.qr(equations, mode="r"))
     _, values, right = np.linalg.svd(equations)
     rank = int(np.sum(values > SYMMETRY_RANK * max(values[0], np.finfo(float).tiny)))
     return right[rank:]

@@ -247,7 +247,7 @@ def _collect(a: Sum) -> Sum:
             part: Sum = {UNIT_PRODUCT: c}
             for x, k in product:
                 for _ in range(int(k) if _is_whole(x, k) else 1):
-                    more = dict(x[0]) if _is_whole(x, k) else {((x, k),): Fraction(1)}
+                    more: Sum = dict(x[0]) if _is_whole(x, k) else {((x, k),): Fraction(1)}
                     part = _times(part, more)
             found = _plus(found, part)
     changed = True
