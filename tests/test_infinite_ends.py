@@ -371,3 +371,19 @@ def test_events_far_from_rest_are_passed_on_a_long_window():
     through = [ao.Event(t, q) for t, q in stops]
     sol = ao.solve(ao.Problem(ao.System(law, ["x", "y"]), *ends, through=through))
     assert sol.action == pytest.approx(3.195175, abs=1e-5)
+
+
+def test_a_trace_lengthens_its_window():
+    """S = 4 w / 3; at w = 0.3 the path comes to rest in three times the time and more."""
+    found = ao.trace(JOIN, "w", 0.3)
+    assert found.actions == pytest.approx(4 / 3 * found.values, rel=1e-8)
+
+
+@pytest.mark.long
+def test_a_trace_ends_where_no_path_comes_to_rest():
+    """From beyond the other equilibrium, at -1, no motion of that energy comes to 1."""
+    half = ao.Problem(KINK, ao.Event(0.0, [0.2]), ao.Event(INF, [1.0]))
+    found = ao.trace(half, ("start", "x"), -1.3, steps=60)
+    x = found.values
+    assert x.min() > -1
+    assert found.actions == pytest.approx(2 / 3 - x + x**3 / 3, rel=1e-8)

@@ -141,7 +141,7 @@ class Path:
         since = mesh.nodes_since
         for end, kind in enumerate(mesh.singular_ends):
             if kind == RESTING != self.mesh.singular_ends[end]:
-                since = self._slow_down(since, end, mesh.lengths[(0, -1)[end]])
+                since = self._slow_down(since, end, mesh.lengths[-end])
         return Path(mesh, self._since(self.values, 0, since))
 
     def _slow_down(self, since: Array, end: int, h: float) -> Array:

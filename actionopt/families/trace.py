@@ -40,7 +40,7 @@ from actionopt.solver.refine import ROUNDS, split
 from actionopt.solver.solve import Guess, solve
 from actionopt.solver.through import objection
 from actionopt.solver.touching import depths, pressing_parts
-from actionopt.solver.window import with_window_of
+from actionopt.solver.window import Window, factorize, with_window_of
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import flag, number, whole
 from actionopt.tools.types import EPS, Array
@@ -131,8 +131,6 @@ def trace(
     started = perf_counter()
     first = solve(family(value), guess=guess, tol=tol, seconds=seconds)
     left = None if seconds is None else max(started + seconds - perf_counter(), EPS)
-    if first.problem.has_tails:
-        family = partial(_within, family, first.problem)
     counting = flag(count, "count") and not problem.system.structure.forced
     run = _TraceRun(family, value, to, tol, counting)
     try:
@@ -184,13 +182,14 @@ def _within(family: Callable[[float], Problem], like: Problem, value: float) -> 
 
 @dataclass(eq=False)
 class _TraceRun:
-    """A trace under way."""
+    """A trace under way; the problems `asked` may have infinite times, those of `family` none."""
 
-    family: Callable[[float], Problem]
+    asked: Callable[[float], Problem]
     origin: float
     goal: float
     tol: float
     counting: bool
+    family: Callable[[float], Problem] = field(init=False)
     branch: Branch = field(init=False)
     points: list[BranchPoint] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
@@ -206,11 +205,16 @@ class _TraceRun:
     def begin(self, solution: Solution) -> None:
         """Start from a solution."""
         at, problem = solution.discrete, solution.problem
+        self._keep_window(problem)
         self.sizes = at.tr.lengths
         linear = problem.system.structure.linear
         self.pole_size = POLE_SIZE if linear else max(POLE_SIZE, self.tol ** (-2 / 3))
         sign = np.sign(self.goal - self.origin)
         self._set(at.problem, at.path, at.rows, at.tr.lengths, self.origin, sign)
+
+    def _keep_window(self, like: Problem) -> None:
+        """Have the window of a problem in all of the family, if it has one."""
+        self.family = partial(_within, self.asked, like) if like.has_tails else self.asked
 
     def _set(
         self,
@@ -293,7 +297,7 @@ class _TraceRun:
         self.indices.append(index)
         report(there, index)
         if beyond is not None:
-            if self._misses(there) or self._drifts(there):
+            if self._misses(there) or self._drifts(there) or self._is_cut_off(there):
                 self._refine()
             self.stopped = self.stopped or f"it reached {self._names()[beyond]}"
             return length
@@ -479,6 +483,8 @@ class _TraceRun:
     def _refine_once(self) -> bool:
         """Whether the last point asked for a finer mesh or larger units, and has them."""
         point = self.points[-1]
+        if self._is_cut_off(point):
+            return self._widen_window(point)
         tr, Q = point.at.tr, point.at.Q
         sizes = np.max(np.abs(Q), axis=0)
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
@@ -502,6 +508,31 @@ class _TraceRun:
         del self.points[-1], self.indices[-1]
         self._set(point.at.problem, point.path.on(mesh), rows, lengths, point.s, sign)
         return mesh is not tr.mesh
+
+    def _is_cut_off(self, point: BranchPoint) -> bool:
+        """Whether what the edges of a window leave out moves the path by more than `tol`."""
+        at = point.at
+        if not at.problem.has_tails:
+            return False
+        path = Solution(
+            at.problem, at.path, at.action, at.rows.T, self.tol, Status.SOLVED, {}, known=at
+        )
+        edges = Window(at.problem, None).edges(path, factorize(path))
+        return any(edge.moved > self.tol for edge in edges)
+
+    def _widen_window(self, point: BranchPoint) -> bool:
+        """Go on in the window of what `solve` finds there; end the trace where it finds nothing."""
+        found = self._solution_near(point)
+        del self.points[-1], self.indices[-1]
+        if found is None:
+            self.end(f"no path leads on to rest at {point.s:.6g}")
+            return False
+        at = found.discrete
+        self.solves += self.branch.solves
+        self._keep_window(found.problem)
+        sign = np.sign(point.direction[-1])
+        self._set(at.problem, at.path, at.rows, at.tr.lengths, point.s, sign)
+        return True
 
     def _misses(self, point: BranchPoint) -> bool:
         """Whether what may be narrow, summed at other points, moves the path or changes S.

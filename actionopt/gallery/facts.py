@@ -111,11 +111,8 @@ def _conserved_rows(s: Subject) -> Rows:
         with np.errstate(all="ignore"):  # where bodies would meet
             terms = quantity(np.abs(s.q), np.abs(s.v), s.t)  # they may cancel in what is conserved
         # Of other signs bodies may all but meet, where terms are of no common size.
-        common = (
-            float(np.median(np.abs(terms[np.isfinite(terms)])))
-            if np.any(np.isfinite(terms))
-            else 0.0
-        )
+        known = np.abs(terms[np.isfinite(terms)])
+        common = float(np.median(known)) if known.size else 0.0
         size = max(float(np.max(np.abs(values))), common) or 1.0
         start = float(values[0]) if abs(values[0]) > ZERO_WITHIN * size else 0.0
         drift = float(np.ptp(values)) / size

@@ -207,7 +207,7 @@ def check_rates(problem: Any, events: Sequence[Event]) -> None:
                 f"expected {what} where {beside} beside a Lagrangian with accelerations, found "
                 f"{event!r}: what they do to a time that is found, or round a closed path, is not "
                 "known there; "
-                + ("use coordinates that need none" if system.m else "give the end, or move it")
+                + ("use coordinates that need none" if system.m else "give an end, Event(t, q)")
             )
         if len(event.rates) >= system.order:
             name = RATES[len(event.rates) - 1]

@@ -530,10 +530,10 @@ class System(NumericLaws):
 
         That is the expressions, the names and the parameters' default values.
         """
-        defaults = {name: (x.shape, x.tobytes()) for name, x in self.table.defaults.items()}
-        said = (self.coordinates, self.name, defaults, self._law.serialize())
         import hashlib
 
+        defaults = {name: (x.shape, x.tobytes()) for name, x in self.table.defaults.items()}
+        said = (self.coordinates, self.name, defaults, self._law.serialize())
         return hashlib.sha256(repr(said).encode()).hexdigest()
 
     def check_free(self, what: str) -> None:

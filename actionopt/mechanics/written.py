@@ -117,10 +117,9 @@ def _entry_names(table: ParameterTable) -> list[str]:
     """Return the names of the entries of the parameters, in their order; of multipliers, kappa."""
     names = []
     for name, value in table.defaults.items():
-        if name == MULTIPLIERS:
-            names += ["kappa"] if value.size == 1 else [f"kappa_{k + 1}" for k in range(value.size)]
-        else:
-            names += [name] if not value.shape else [f"{name}_{k + 1}" for k in range(value.size)]
+        own = name == MULTIPLIERS
+        name, is_alone = ("kappa", value.size == 1) if own else (name, not value.shape)
+        names += [name] if is_alone else [f"{name}_{k + 1}" for k in range(value.size)]
     return names
 
 

@@ -227,8 +227,10 @@ def find_touching(
     check_once(ws, mesh, None)
     guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
     first: list[First] = []
-    for eased in (False, True):
-        for guess in guesses if not first and (problem.integral or not eased) else ():
+    for eased in (False, True) if problem.integral else (False,):
+        if first:
+            break
+        for guess in guesses:
             found = touch(ws, mesh, guess, eased)
             if found and all(_differ(found.path, other.path, problem) for other in first):
                 first.append(found)

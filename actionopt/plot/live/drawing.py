@@ -16,9 +16,7 @@ from actionopt.plot.live.javascript import body
 from actionopt.scenes import Shape, project
 
 FRAMES = 121
-MOVED_BY = (
-    1e-3  # of a coordinate's size: far above round-off, and small beside any picture (ad hoc)
-)
+MOVED_BY = 1e-3  # of a coordinate's size: far above round-off, small beside a picture; ad hoc
 
 
 def drawing(solution: Solution, draw: Draw) -> dict[str, Any]:
