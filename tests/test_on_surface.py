@@ -418,3 +418,18 @@ def test_points_on_a_surface_are_found_all_at_once_and_those_that_are_lost_are_l
     assert np.isnan(found[1]).all()  # the centre has no slope
     np.testing.assert_allclose(found[[0, 2]], [[1.0, 0.0], [0.0, -0.5]], atol=1e-15)
     assert q[0, 0] == 3.0  # what is given stays
+
+
+@pytest.mark.long
+def test_a_throw_meets_a_sinking_plane_on_its_way_up_and_down():
+    """S + E T = x^2 / 2T - T x / 2 - T^3 / 24 + 2 T, x = 1 - T / 2, is stationary twice."""
+    ball = ao.System(lambda q, v, t: v @ v / 2 - q[0], ["x"])
+    end = ao.Event(None, None, on=lambda q, t: q[0] - 1 + t / 2)
+    found = ao.solve_all(ao.Problem(ball, ao.Event(0, 0.0), end, energy=2.0))
+    T = np.linspace(0.1, 10, 20001)
+    x = 1 - T / 2
+    slope = np.diff(x**2 / 2 / T - T * x / 2 - T**3 / 24 + 2 * T)
+    roots = T[1:-1][slope[1:] * slope[:-1] < 0]
+    assert roots.size == 2
+    np.testing.assert_allclose(sorted(s.end.t for s in found), roots, atol=2e-3)
+    assert len(ao.solve_all(ao.Problem(ball, ao.Event(0, 0.0), end, energy=2.0), shots=0)) == 1

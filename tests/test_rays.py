@@ -77,6 +77,20 @@ def test_a_ball_bounces_twice_in_all_ways():
     assert all(abs(misses(s.start.v[0])) < 1e-8 for s in paths)
 
 
+@pytest.mark.long
+def test_a_ball_is_thrown_up_for_all_the_time_that_there_is():
+    """From the height 1 to .5 with one bounce, g = 1: three ways, two of which leave fast."""
+    ball = ao.System(lambda q, v, t: v @ v / 2 - q[0], ["x"])
+    ends, floor = (ao.Event(0, 1.0), ao.Event(5, 0.5)), ao.Bounce(lambda q, t: q[0])
+    paths = ao.solve_all(ao.Problem(ball, *ends, through=[floor]))
+    v = np.linspace(-5, 5, 20001)
+    hit = v + np.sqrt(v**2 + 2)
+    m = (hit - v) * (5 - hit) - (5 - hit) ** 2 / 2 - 0.5
+    roots = v[1:][m[1:] * m[:-1] < 0]
+    assert roots.size == 3
+    np.testing.assert_allclose(sorted(s.start.v[0] for s in paths), roots, atol=1e-3)
+
+
 @pytest.mark.slow
 def test_the_first_motions_nearly_arrive():
     """What is yielded first, obeys the law of reflection on its way, before Newton's method."""

@@ -178,7 +178,8 @@ def solve_all(
 
     Where the events do not determine the path, as between antipodal points of a sphere, one path
     of the family is kept, apart from the others. Where the end is `Periodic` the paths close,
-    momenta included. Where an event lies on a surface, paths are sought to points all over it.
+    momenta included. Where an event lies on a surface, paths are sought to points all over it, and
+    motions that meet it, the first time or later.
     Along an obstacle they are least paths, round all sides of it: only `starts` and `seed` count.
 
     Parameters

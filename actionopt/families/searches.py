@@ -36,6 +36,7 @@ from actionopt.families.trace import trace
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.between import Choices
 from actionopt.solver.ipopt import find
+from actionopt.solver.nearest_points import motions as motions_to_surfaces
 from actionopt.solver.nearest_points import paths_to_points
 from actionopt.solver.pursue import first_acceptable
 from actionopt.solver.strategies import GUESS_ONLY, STRATEGIES
@@ -170,7 +171,7 @@ class Answers:
         elif self.problem.is_joined:
             yield from self._through_events(starts)
         elif self.problem.on_surface:
-            yield from self._on_surfaces(starts)
+            yield from self._on_surfaces(starts, shots)
         elif self.problem.free_time:
             yield from self._of_the_energy(shots)
         else:
@@ -194,12 +195,16 @@ class Answers:
             self.tell("curves to all sides", i, len(guesses), how)
             yield Start(self.classes[0], guess, how)
 
-    def _on_surfaces(self, starts: int) -> Iterator[Start]:
+    def _on_surfaces(self, starts: int, shots: int) -> Iterator[Start]:
+        """Yield paths to points all over the surfaces, and motions that come to the end later."""
         yield Start(self.classes[0], None, "as `solve` does")
         pairs = points(self.problem, starts, self.seed)
         for i, guess in enumerate(paths_to_points(self.problem, self.tol, None, pairs)):
             self.tell("points on surfaces", i, len(pairs), "points on surfaces")
             yield Start(self.classes[0], guess, "a point on a surface")
+        for i, guess in enumerate(motions_to_surfaces(self.problem, None) if shots else ()):
+            self.tell("forward shots", i, i + 1, "forward shots")
+            yield Start(self.classes[0], guess, "a forward shot")
 
     def _through_events(self, starts: int) -> Iterator[Start]:
         count = FOR_EACH_EVENT * starts * min(max(1, len(self.problem.through)), MOST_EVENTS)

@@ -9,6 +9,7 @@ return.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -159,8 +160,20 @@ class RayTracer:
             angle = 2 * np.pi * (np.arange(RAYS) + random.random()) / RAYS
             v = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         v /= np.linalg.norm(v, axis=1, keepdims=True)
-        speeds = len(self.legs) * RAY_SPEEDS ** random.uniform(-1, 1, (RAYS, 1)) / self.span
+        expected = len(self.legs) / self.span
+        slowest, fastest = expected / RAY_SPEEDS, expected * RAY_SPEEDS + self._thrown_speed()
+        speeds = slowest * (fastest / slowest) ** random.uniform(0, 1, (RAYS, 1))
         return self.of_energy(v * self.size * speeds)
+
+    def _thrown_speed(self) -> float:
+        """Return the speed, in the sizes, from which the force at the start turns back in time."""
+        leg = self.legs[0]
+        q = np.array(leg.start.q, dtype=float)
+        with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+            force = leg.system.acceleration(q, 0 * q, leg.start.t, parameters=leg.parameters)
+            speed = float(np.abs(force / self.size).max() * self.span / 2)
+            return speed if np.isfinite(speed) else 0.0
+        return 0.0
 
     def in_time(self, batch: TracedRays) -> Array:
         """Return the states (K, M) of motions, those that come late faster."""
