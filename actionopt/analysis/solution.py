@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.status import Status
-from actionopt.discrete.boundaries import find_boundaries
+from actionopt.discrete.boundaries import find_boundaries, split
 from actionopt.discrete.discrete_path import DiscretePath, Unknowns
-from actionopt.discrete.mesh import Mesh, with_singular_ends
-from actionopt.discrete.path import Path
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import TIME_SLACK, Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
@@ -48,11 +48,13 @@ DRAWN_POINTS, DRAWN_COORDINATES = 201, 4  # points of a path in a notebook, and 
 class Ends:
     """States and momenta at the two events, of a solution whose system is not at hand.
 
-    And its unknowns, where L contains accelerations.
+    Velocities at both ends of each leg, (k + 1, 2, n); its unknowns, where L contains
+    accelerations.
     """
 
     states: tuple[State, State]
     momenta: tuple[Array, Array]
+    leg_velocities: Array
     unknowns: Unknowns | None = None
 
 
@@ -210,19 +212,39 @@ class Solution:
 
     @cached_property
     def legs(self) -> tuple[Path, ...]:
-        """The parts of the path between the events that it passes, k + 1 of them."""
-        mesh, degrees = self.mesh, np.array(self.mesh.degrees)
-        inner = find_boundaries(mesh, np.array([e.t for e in self.problem.through]))
+        """The parts of the path between the events that it passes, k + 1 of them.
+
+        Their velocities at their ends come from the momenta there, as those of `parts`.
+        """
+        pieces, known = self._pieces, self.problem
+        whole = isinstance(known, Problem) and self._momenta_tell
+        if not whole or self.contacts or known.instants:  # v jumps on the way
+            return pieces
         found = []
-        for a, b in pairwise([0, *inner.tolist(), mesh.elements]):
-            part = Mesh(mesh.boundaries[a : b + 1], degrees[a:b])
-            start, end = mesh.singular_ends
-            part = with_singular_ends(part, (start * (a == 0), end * (b == mesh.elements)))
-            nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
-            rates = self.path.velocities
-            rates = None if rates is None else rates[:, nodes]
-            found.append(Path(part, self.path.values[:, nodes], rates))
+        for piece, ends in zip(pieces, self._leg_velocities, strict=True):
+            rates = piece.velocity(piece.mesh.nodes)
+            rates[:, [0, -1]] = ends.T
+            found.append(Path(piece.mesh, piece.values, rates))
         return tuple(found)
+
+    @cached_property
+    def _pieces(self) -> tuple[Path, ...]:
+        """The polynomials of the legs."""
+        return split(self.path, [e.t for e in self.problem.through])
+
+    @property
+    def _momenta_tell(self) -> bool:
+        """Whether velocities at events are those of momenta, where these are finite."""
+        tails = self.problem.has_tails or any(self.mesh.singular_ends)
+        return self.path.velocities is None and not tails
+
+    @cached_property
+    def _leg_velocities(self) -> Array:
+        """Velocities at both ends of each leg, as `parts` have them, (k + 1, 2, n)."""
+        if self.ends is not None:
+            return self.ends.leg_velocities
+        inner = [v for one, other in pairwise(self.parts) for v in (one.end.v, other.start.v)]
+        return np.array([self.start.v, *inner, self.end.v]).reshape(-1, 2, self.start.v.size)
 
     @cached_property
     def parts(self) -> tuple[Solution, ...]:
@@ -231,9 +253,9 @@ class Solution:
         if not problem.through:
             return (self.between_times,)
         nodes, found = tr.joints.tolist(), []
-        systems = problem.laws or (problem.system,) * len(self.legs)
+        systems = problem.laws or (problem.system,) * len(self._pieces)
         n, places = problem.system.n, tr.place(self.discrete.x).places
-        for system, leg, (a, b) in zip(systems, self.legs, pairwise(nodes), strict=True):
+        for system, leg, (a, b) in zip(systems, self._pieces, pairwise(nodes), strict=True):
             ends = [
                 Event(t, q) for t, q in zip(mesh.nodes[[a, b]], leg.values.T[[0, -1]], strict=True)
             ]
@@ -423,8 +445,23 @@ class Solution:
         return self._beyond(t, 0) if self.problem.has_tails else self.path(t)
 
     def velocity(self, t: ArrayLike) -> Array:
-        """Return v(t), shape (n, K) or (n,)."""
-        return self._beyond(t, 1) if self.problem.has_tails else self.path.velocity(t)
+        """Return v(t), shape (n, K) or (n,).
+
+        At the events by the momenta there, as `start` and `end` have it; after an event that is
+        passed, at its time.
+        """
+        if self.problem.has_tails:
+            return self._beyond(t, 1)
+        found = self.path.velocity(t)
+        if self._momenta_tell:
+            rates = self._leg_velocities
+            v = np.vstack([rates[:, 0], rates[-1:, 1]])
+            b = self.mesh.boundaries[[0, -1]]
+            times = np.array([b[0], *(e.t for e in self.problem.through), b[1]])
+            near = np.abs(np.ravel(t)[:, None] - times) <= TIME_SLACK * np.abs(b).max()
+            at, which = np.nonzero(near)
+            found.reshape(v.shape[1], -1)[:, at] = v[which].T
+        return found
 
     def _beyond(self, t: ArrayLike, derivatives: int) -> Array:
         """Return q or v at times of which some may be beyond a window, (n, *t.shape)."""
@@ -805,7 +842,7 @@ class Solution:
             lam=self.lam,
             action=self.action,
             error=self.error,
-            velocities=np.stack([self.start.v, self.end.v]),
+            velocities=self._leg_velocities.reshape(-1, self.start.v.size),
             momenta=np.stack(self.momenta),
         )
 

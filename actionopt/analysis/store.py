@@ -21,7 +21,7 @@ from actionopt.analysis.saved import ARRAYS, HIGHER, SOLUTION_FORMAT, Detached
 from actionopt.analysis.solution import Ends, Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.action import ActionUnits
-from actionopt.discrete.boundaries import find_boundaries
+from actionopt.discrete.boundaries import find_boundaries, split
 from actionopt.discrete.discrete_path import DiscretePath, Unknowns
 from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.path import Path
@@ -121,7 +121,7 @@ def _read(file: FilePath) -> Solution:
     n, nodes = len(problem.coordinates), mesh.nodes.size
     shapes = [len(problem.start.q), len(problem.end.q), path.values.shape[0]]
     p, v = data["momenta"].shape, data["velocities"].shape
-    ends = v == (2, n) and p == (2, p[-1]) and p[-1] % n == 0
+    ends = v in ((2, n), (2 * len(problem.through) + 2, n)) and p == (2, p[-1]) and p[-1] % n == 0
     if about.get("units") is not None:
         unknowns = _unknowns(data["unknowns"], about["units"])
         ends &= p[-1] > n and path.values.shape == data["rates"].shape
@@ -139,7 +139,7 @@ def _read(file: FilePath) -> Solution:
         float(data["error"]),
         Status[about["status"]],
         dict(about["stats"]),
-        _ends(path, data["velocities"], data["momenta"], unknowns),
+        _ends(path, problem, data["velocities"], data["momenta"], unknowns),
     )
     _check_ends(found)
     if found.success:
@@ -210,7 +210,7 @@ def _check_numbers(found: Solution) -> None:
     if not isinstance(found.stats.get("gain", 1.0), (int, float)):
         raise ValueError(f"expected a number as the gain, found {found.stats['gain']!r}")
     ends = found.mesh.boundaries[[0, -1]]
-    slopes = found.velocity(ends).T
+    slopes = found.path.velocity(ends).T
     allowed = SLOPE_ERROR + SLOPE_SAFETY * found.velocity_error
     velocities = np.array([found.start.v, found.end.v])
     if np.any(np.abs(velocities - slopes) > allowed * _speeds(found)):
@@ -225,7 +225,7 @@ def _speeds(solution: Solution) -> Array:
     values, nodes = solution.path.values, solution.mesh.nodes
     sizes = np.max(np.abs(values), axis=1)
     sizes = np.maximum(sizes, NEGLIGIBLE * np.max(sizes)) / solution.problem.duration
-    speeds = np.maximum(np.max(np.abs(solution.velocity(nodes)), axis=1), sizes)
+    speeds = np.maximum(np.max(np.abs(solution.path.velocity(nodes)), axis=1), sizes)
     return np.where(speeds > 0, speeds, 1 / solution.problem.duration)
 
 
@@ -260,19 +260,27 @@ def _check_physics(fresh: Solution, found: Solution) -> None:
             )
 
 
-def _ends(path: Path, velocities: Array, momenta: Array, unknowns: Unknowns | None) -> Ends:
+def _ends(
+    path: Path, problem: Detached, velocities: Array, momenta: Array, unknowns: Unknowns | None
+) -> Ends:
     """Return states and momenta at the ends from the file: a solution derives them from its system.
 
-    Raises ValueError if the velocities are not two finite rows (n,).
+    Raises ValueError if the velocities at the ends of legs are not finite rows (n,).
     """
     b, values = path.mesh.boundaries, path.values
-    start, end = (
-        State(t, q, v) for t, q, v in zip(b[[0, -1]], values.T[[0, -1]], velocities, strict=True)
-    )
+    whole = zip(b[[0, -1]], values.T[[0, -1]], velocities[[0, -1]], strict=True)
+    start, end = (State(t, q, v) for t, q, v in whole)
+    if not np.isfinite(velocities).all():
+        raise ValueError(f"expected finite velocities, found {velocities.tolist()}")
+    if problem.through and len(velocities) == 2:  # an older file
+        legs = split(path, [e.t for e in problem.through])
+        known = np.array([leg.velocity(leg.mesh.boundaries[[0, -1]]).T for leg in legs])
+        known[0, 0], known[-1, 1] = velocities
+        velocities = known
     p0, p1 = (np.array(p, dtype=float) for p in momenta)
     for p in (p0, p1):
         p.setflags(write=False)
-    return Ends((start, end), (p0, p1), unknowns)
+    return Ends((start, end), (p0, p1), velocities.reshape(-1, 2, len(values)), unknowns)
 
 
 def _question(known: Detached, system: System | Sequence[System]) -> Problem:

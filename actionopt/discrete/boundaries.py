@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import Mesh, with_singular_ends
+from actionopt.discrete.path import Path
 from actionopt.mechanics.instants import Instant
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -106,3 +110,18 @@ def _inside(known: tuple[Instant, ...], start: float, duration: float, slack: fl
 def _slack(mesh: Mesh) -> float:
     """Return how far apart round-off may put two times of the same boundary."""
     return 4 * EPS * max(abs(mesh.boundaries[0]), abs(mesh.boundaries[-1]), mesh.duration)
+
+
+def split(path: Path, times: Sequence[float]) -> tuple[Path, ...]:
+    """Return the parts of a path between events at times (k,), k + 1. Raises as that does."""
+    mesh, degrees = path.mesh, np.array(path.mesh.degrees)
+    inner = find_boundaries(mesh, np.array(times))
+    found = []
+    for a, b in pairwise([0, *inner.tolist(), mesh.elements]):
+        part = Mesh(mesh.boundaries[a : b + 1], degrees[a:b])
+        start, end = mesh.singular_ends
+        part = with_singular_ends(part, (start * (a == 0), end * (b == mesh.elements)))
+        nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
+        rates = None if path.velocities is None else path.velocities[:, nodes]
+        found.append(Path(part, path.values[:, nodes], rates))
+    return tuple(found)

@@ -228,7 +228,7 @@ def _index(solution: Solution) -> int:
 
 def is_moving(solution: Solution) -> bool:
     """Whether the path moves at all."""
-    speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
+    speed = np.abs(solution.path.velocity(solution.mesh.nodes)).max(axis=1)
     size = np.abs(solution.path.values).max(axis=1)
     size = np.maximum(size, ROUNDED * solution.problem.scales)
     return bool((speed * solution.duration > AT_REST * size).any())

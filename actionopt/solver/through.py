@@ -20,6 +20,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.borders import times_of
+from actionopt.discrete.boundaries import split
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
 from actionopt.discrete.mesh import Mesh
@@ -252,8 +253,9 @@ def _family(run: Unfixed, solution: Solution) -> int:
 
 def objection(solution: Solution) -> str:
     """Return why a stationary path is no answer, in a sentence; empty if it is one."""
-    problem, legs = solution.problem, solution.legs
+    problem = solution.problem
     joints, packed = problem.joints, problem.packed
+    legs = split(solution.path, [e.t for e in problem.through])
     if problem.may_be_shifted:
         (p0, p1), tr = solution.momenta, solution.discrete.tr
         rest = ROUNDED * tr.action_unit / tr.place_units  # where nothing moves
