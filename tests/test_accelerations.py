@@ -232,6 +232,24 @@ def test_waypoint_at_a_time_that_is_found_keeps_the_energy():
 
 
 @pytest.mark.long
+def test_a_beam_under_tension_turns_back_at_a_line_at_a_time_that_is_found():
+    w, line, T, ends = 0.9, 0.32, 0.89, (-0.51, 0.3)
+    system = ao.System(lambda q, v, a, t: (a[0] ** 2 + w**2 * v[0] ** 2) / 2, ["x"])
+    on = ao.Event(None, None, on=lambda q, t: q[0] - line)
+    start, end = ao.Event(0, ends[:1]), ao.Event(T, ends[1:])
+    found = ao.solve(ao.Problem(system, start, end, through=[on]), tol=1e-10)
+
+    def bend(y, length):  # q = line + A (cosh ws - 1 - (sinh ws - ws) coth wl), at rest at 0
+        return (y - line) / (w * length / np.tanh(w * length) - 1)
+
+    t = brentq(lambda t: bend(ends[0], t) - bend(ends[1], T - t), 0.1, 0.88)
+    legs = list(zip(ends, (t, T - t), strict=True))
+    S = sum(w**3 * bend(*leg) / np.tanh(w * leg[1]) * (leg[0] - line) / 2 for leg in legs)
+    assert found.problem.through[0].t == pytest.approx(t, abs=1e-10)
+    assert found.action == pytest.approx(S, abs=1e-10)
+
+
+@pytest.mark.long
 def test_least_jerk_through_gates_whose_times_are_found():
     places = np.array([[0, 0], [1, 1], [2, -0.5], [3, 0]])
     rest = dict(v=[0, 0], a=[0, 0])

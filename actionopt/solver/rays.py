@@ -69,12 +69,12 @@ def rays(
     `size` (n,) is that of the coordinates, `span` about how long it takes. There are none where
     motions do not lead from event to event: coordinates of the start are free and the path does not
     close, or an event between the ends is no surface. Nor under constraints, whose impulses no law
-    of reflection here has.
+    of reflection here has, nor where L contains accelerations: more is to be chosen at the start.
     """
     start, *inner, _ = problem.joints_found
     system, closed = problem.system, problem.advance is not None
     given = len(start.pinned) == system.n or (closed and start.on is None)
-    given = given and not (system.structure.forced or system.m)
+    given = given and system.order == 1 and not (system.structure.forced or system.m)
     if not (inner and given) or any(e.on is None or e.on.count > 1 for e in inner):
         return
     tracer = (ClosedRayTracer if closed else RayTracer).of(problem, size, span)
