@@ -573,12 +573,15 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
     """Return the first path that a guess says, and the times of the events on it.
 
     Waypoints (n, k + 2) are places at the events. On a curve these are passed at the times at which
-    it is nearest to what they ask, one after the other.
+    it is nearest to what they ask, one after the other; a solution with as many events knows when.
 
     Raises ValueError if its shape does not fit the problem, or it is not finite.
     """
     n, given = problem.system.n, times_of(problem)
+    passed: Array | None = None
     if isinstance(guess, Solution):
+        if len(guess.problem.through) == len(problem.through):
+            passed = times_of(guess.problem)[1:-1]
         guess = guess.path
     if not isinstance(guess, Path) and not callable(guess):
         points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
@@ -601,7 +604,9 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
     q = checked_curve(curve, n)(t)
     if not np.isfinite(q).all():
         raise ValueError("expected a guess that is finite at all times, found NaN or infinity")
-    on_curve = np.concatenate([b[:1], _pass_times(problem, t, q), b[1:]])
+    if passed is None:
+        passed = _pass_times(problem, t, q)
+    on_curve = np.concatenate([b[:1], passed, b[1:]])
     times = np.where(np.isfinite(given), given, on_curve)
     if not np.isfinite(given).any():
         times = on_curve
