@@ -736,12 +736,10 @@ def test_modes_of_a_bead_on_a_sphere_that_passes_a_height_have_settled():
     assert first == pytest.approx(finer, rel=1e-8)
 
 
-@pytest.mark.long
 def test_a_solution_that_crosses_its_surface_elsewhere_is_found_again_from_itself():
-    quartic = ao.System(lambda q, v, t: v[0] ** 2 / 2 - 0.87 * (q[0] ** 4 + q[0] ** 2 / 2), ["x"])
-    line = ao.Event(None, None, on=lambda q, t: 0.83 * q[0] + 0.26 - 0.45 * t)
-    ends = ao.Event(0.0, [-0.32]), ao.Event(3.97, [-0.71])
-    path = ao.solve(ao.Problem(quartic, *ends, through=[line]), principle="stationary")
-    again = ao.solve(path.problem.original, guess=path)
+    line = ao.Event(None, None, on=lambda q, t: q[0] - 1 - 0.3 * t)
+    problem = ao.Problem(OSCILLATOR, ao.Event(0, [-0.1]), ao.Event(5.8, [0.2]), through=[line])
+    path = ao.solve(problem, principle="stationary")
+    again = ao.solve(problem, guess=path)
     assert again.action == pytest.approx(path.action, rel=1e-9)
     assert again.problem.through[0].t == pytest.approx(path.problem.through[0].t, rel=1e-7)
