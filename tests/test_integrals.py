@@ -203,6 +203,26 @@ def test_values_that_no_path_has_are_refused():
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("ends", "width", "length"),
+    [((1.14, -0.82), 1.562, 4.558), ((-0.529, -1.561), 1.452, 1.876), ((1.88, 0.064), 0.905, 2.1)],
+)
+def test_a_rope_hangs_between_unequal_heights(ends, width, length):
+    """Newton's method was lost where weights along the first paths were of both signs."""
+    (a, b), h = ends, ends[1] - ends[0]
+    found = ao.solve(
+        ao.Problem(ROPE, ao.Event(0, a), ao.Event(width, b), integral=length), tol=1e-9
+    )
+    reach = np.sqrt(length**2 - h**2)
+    c = brentq(lambda c: 2 * c * np.sinh(width / 2 / c) - reach, width / 100, 100.0)
+    lowest = width / 2 - c * np.arctanh(h / length)
+    x = np.linspace(0, width, 9)
+    hangs = a + c * (np.cosh((x - lowest) / c) - np.cosh(lowest / c))
+    np.testing.assert_allclose(found(x)[0], hangs, atol=1e-8)
+    assert found.morse_index == 0
+
+
+@pytest.mark.long
 def test_a_rope_that_is_hardly_longer_than_the_line_hangs():
     """At y = 0, where the length of the straight line does not change with it to first order."""
     found = ao.solve(ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0]), integral=2.001))

@@ -44,7 +44,11 @@ from actionopt.discrete.stretch import by_joints
 from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import RANK, Array, NDInt
+
+# Of the interval of multipliers with which L_vv is not definite: how far from it a first one is at
+# least. Measured on ropes: .02 to 3 lead to the same paths.
+DEFINITE = 0.3
 
 
 @dataclass(eq=False)
@@ -424,9 +428,18 @@ def null_space(equations: Bordered | Transcription, whole: Array) -> Array:
 
 
 def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:
-    """Return multipliers of integrals with which a path is nearest to a stationary one, (c,)."""
+    """Return multipliers of integrals with which a path is nearest to a stationary one, (c,).
+
+    With a definite inertia, where one of them can give it that.
+    """
     tr = Transcription(problem, path.mesh, lengths)
     at = DiscretePath(tr, tr.pack(path.values.T))
+    kappa = _balance(tr, at)
+    return kappa if tr.order > 1 else _make_definite(tr, at, kappa)
+
+
+def _balance(tr: Transcription, at: DiscretePath) -> Array:
+    """Return multipliers of integrals that balance the forces along a path best, (c,)."""
     slopes, force = integrals(at)[1], tr.gradient(at.x) * tr.action_unit
     # What pushes at an event is no force that a multiplier has to balance.
     at_events = np.isin(tr.layout.free // tr.layout.width, tr.joints)
@@ -442,6 +455,40 @@ def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:
             carried = np.array([inertia.solve(slope) for slope in slopes])
             return -np.linalg.solve(carried @ slopes.T, carried @ force)
     return -np.linalg.lstsq(slopes.T, force, rcond=None)[0]
+
+
+def _make_definite(tr: Transcription, at: DiscretePath, kappa: Array) -> Array:
+    """Return multipliers of integrals near `kappa` (c,) with which L_vv is definite along a path.
+
+    Those of rough paths may not be: of a rope, weights would be of both signs, and Newton's method
+    be lost. One is changed that makes it definite on either side of an interval, the side nearer to
+    it; it is left where there is none.
+    """
+    free, times, point = tr.problem.original.loose, times_of(tr.problem), tr.place(at.x)
+
+    def inertia(kappa: Array) -> Array:
+        problem = free.found_at(times, kappa=kappa)
+        second = problem.system.pointwise("second")
+        with np.errstate(all="ignore"):
+            values = second(point.at, point.v, tr.times, problem.packed)[2]
+            return second.full(2, values.copy(), symmetric=True)
+
+    found = kappa.copy()
+    for i, unit in enumerate(np.eye(kappa.size)):
+        A = inertia(np.where(unit, 0.0, found))
+        B = inertia(np.where(unit, 1.0, found)) - A
+        if not (np.isfinite(A).all() and np.isfinite(B).all()):
+            return kappa
+        sign = np.sign(np.trace(B[0]))
+        values = np.linalg.eigvalsh(sign * B)
+        if not values.min() > RANK * values.max():
+            continue
+        root = np.linalg.inv(np.linalg.cholesky(sign * B))
+        limits = -sign * np.linalg.eigvalsh(root @ A @ root.transpose(0, 2, 1))
+        middle, half = (limits.max() + limits.min()) / 2, np.ptp(limits) * (0.5 + DEFINITE)
+        if abs(found[i] - middle) < half:
+            found[i] = middle + half * (1.0 if found[i] >= middle else -1.0)
+    return found
 
 
 def _off_normals(tr: Transcription, at: DiscretePath, x: Array) -> Array:
