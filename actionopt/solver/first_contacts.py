@@ -36,7 +36,7 @@ WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
 WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
 UNSEEN = 1e-9  # in units of the rows: what f is below zero there
 # points of each interval in which f is least, and how often it shrinks
-CLOSEST_POINTS, CLOSEST_ROUNDS = 10, 8
+CLOSEST_POINTS, CLOSEST_ROUNDS = 40, 4
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"

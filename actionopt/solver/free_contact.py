@@ -111,7 +111,7 @@ def _between_given(
     asked = [problem]
     if problem.on_surface:
         pairs = None if path is None else [_ends(problem, path)]
-        asked = [fixed for fixed, _ in points(problem, pairs)[:TRIED]]
+        asked = [fixed for fixed, _ in islice(points(problem, pairs), TRIED)]
     for fixed in asked:
         near = path
         T = duration_along(fixed, straight(fixed)) if path is None else path.mesh.duration

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from itertools import islice
 
 import numpy as np
@@ -60,7 +59,7 @@ def paths_between_given_times(problem: Problem, watch: Watch | None) -> Iterator
     """Yield paths between given times to the nearest points, for which every way is tried."""
     if problem.free_time:
         return
-    for fixed, _ in points(problem)[:WITH_PAINS]:
+    for fixed, _ in islice(points(problem), WITH_PAINS):
         found = solve_on_the_way(fixed, FIRST_TOL, watch)
         if found.success:
             yield found.path
@@ -85,32 +84,25 @@ def between_places(problem: Problem, places: Array) -> Problem:
     return Problem(problem.system, *ends, parameters=problem.parameters, energy=energy)
 
 
-def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple[Problem, Path]]:
-    """Return problems between points on the surfaces, and straight lines, the least action first.
+def points(
+    problem: Problem, pairs: Iterable[Array] | None = None
+) -> Iterator[tuple[Problem, Path]]:
+    """Yield problems between points on the surfaces, and straight lines, the least action first.
 
     The points are those of `pairs` (2, n) if any are given, else those `near` each other.
     """
-    size, like = sizes(problem), None
-    found: list[tuple[float, Path, Problem, Array]] = []
+    size, distinct = sizes(problem), []
     for pair in near(problem) if pairs is None else pairs:
-        if any(np.all(np.abs(pair - q) < APART * size) for *_, q in found):
-            continue
-        with suppress(ValueError):
+        if not any(np.all(np.abs(pair - q) < APART * size) for q in distinct):
+            distinct.append(pair)
+    lines = _lines(problem, distinct)
+    known = [line for line in lines if np.isfinite(line[0])] or lines
+    for _, pair, path in sorted(known, key=lambda line: line[0]):
+        try:
             fixed = between_places(problem, pair)
-            S, at = _line(fixed, like)
-            like = None if problem.free_time else at.tr
-            found.append((S, at.path, fixed, pair))
-    known = [x for x in found if np.isfinite(x[0])] or found
-    return [(fixed, path) for _, path, fixed, _ in sorted(known, key=lambda x: x[0])]
-
-
-def _has_inertia(at: DiscretePath) -> bool:
-    """Return whether all masses are at least zero along a path; constant ones are taken to be."""
-    system = at.problem.system
-    if system.structure.constant_mass:
-        return True
-    row, col = system.pointwise("second").sparsity(2)
-    return not (at.tr.second(at.x)[2][:, row == col] < 0).any()
+        except ValueError:
+            continue
+        yield fixed, path
 
 
 def near(problem: Problem, directions: Array | None = None) -> list[Array]:
@@ -143,23 +135,46 @@ def sizes(problem: Problem) -> Array:
     return np.where(np.isfinite(found) & (found > 0), found, size)
 
 
-def _line(problem: Problem, like: Transcription | None) -> tuple[float, DiscretePath]:
-    """Return the action along the straight line, S + E T where the time is free, and the line.
+def _lines(problem: Problem, pairs: list[Array]) -> list[tuple[float, Array, Path]]:
+    """Return the actions along straight lines between points, these, and the lines.
 
-    Transcribed `like` that between other points, if it is given.
+    That is S + E T where the time is free, and infinite where a mass is below zero.
     """
-    if like is not None:
-        tr = like.between(problem)
-        at = DiscretePath(tr, tr.pack(line(problem, tr.mesh).T))
-        T = problem.duration
-    else:
-        T = duration_along(problem, straight(problem))
-        fixed = over(problem, T)
-        mesh = Mesh.uniform(fixed.start.t, fixed.end.t, LINEAR, COARSE_DEGREE)
-        at = DiscretePath.of(fixed, Path(mesh, line(problem, mesh)))
+    ends, system = (problem.start, problem.end), problem.system
+    loose = [[e.on is None and x is None for x in e.near] for e in ends]  # keep the other's
+    tr, lines, states = None, [], []
+    for pair in pairs:
+        if tr is None or problem.free_time:
+            try:
+                tr = _straight(between_places(problem, pair)).tr
+            except ValueError:
+                continue
+        first, last = np.where(loose, pair[::-1], pair)[:, :, None]
+        part = tr.mesh.nodes_since / tr.mesh.duration
+        path = Path(tr.mesh, first + part * (last - first))
+        lines.append((tr, pair, path))
+        states.append((*tr.state_of(path.values.T), tr.times))
+    if not lines:
+        return []
+    state = *(np.concatenate(x) for x in zip(*states, strict=True)), problem.packed
     with np.errstate(all="ignore"):
-        S = at.action + (problem.energy or 0.0) * T
-    return S if np.isfinite(S) and _has_inertia(at) else np.inf, at
+        L = system.pointwise("value")(*state)[0].reshape(len(lines), -1).copy()
+        if not system.structure.constant_mass:  # constant ones are taken to be at least zero
+            row, col = system.pointwise("second").sparsity(2)
+            mass = system.pointwise("second")(*state)[2][:, row == col]
+            L[(mass.reshape(len(lines), -1) < 0).any(axis=1)] = np.inf
+        energy, found = (problem.energy or 0.0) if problem.free_time else 0.0, []
+        for (tr, pair, path), each in zip(lines, L, strict=True):
+            S = float(tr.weight[:, 0] @ each) + energy * path.mesh.duration
+            found.append((S if np.isfinite(S) else np.inf, pair, path))
+        return found
+
+
+def _straight(problem: Problem) -> DiscretePath:
+    """Return the straight line, in the time of a motion of the energy where that is free."""
+    fixed = over(problem, duration_along(problem, straight(problem)))
+    mesh = Mesh.uniform(fixed.start.t, fixed.end.t, LINEAR, COARSE_DEGREE)
+    return DiscretePath.of(fixed, Path(mesh, line(problem, mesh)))
 
 
 def _pairs(problem: Problem, away: Array, size: Array) -> Array:
