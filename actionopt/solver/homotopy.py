@@ -30,7 +30,7 @@ RUNAWAY_FORCE, RUNAWAY_CURVE = 100.0, 50.0
 # Steps of arclength in s and the coordinates' root mean square; halved where the corrector fails.
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
-CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
+CORRECTOR_TOL = 1e-3  # correction, in units of the coordinates' sizes, that ends a corrector
 CURVE_END = 1.5  # an s at which the curve is not near the path any more
 
 
