@@ -31,6 +31,7 @@ SHORTEN, SHORTEST_PART = 3.0, 3e-4  # of a step, for which no factorization is n
 # Ad hoc: the lowest modes of velocities part from others by squares; S is nearly quadratic so near.
 POWER_STEPS, OFF_SADDLE = 4, 2.0**-7  # in lengths
 RUNAWAY = 1e3  # coordinates this many times their own size, still going down
+FAR_OUT = 8.0  # sizes from where it is asked whether S falls on and on
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +61,22 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
 
     Coordinates `far` times their own size have run away.
     """
-    mu, count, first, last = 0.0, 0, z, None
+    mu, count, first, last, looked = 0.0, 0, z, None, FAR_OUT
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
         while count < DESCENT_STEPS and np.abs(z).max() < far:
             farthest = max(1.0, float(np.abs(z).max()))  # farther it jumps over what lies between
+            if farthest >= looked:
+                if _falls(tr, first, z - first):
+                    return Descended(z, False, True, count)
+                looked = 2 * farthest
             H, K = tr.kkt(z), tr.kinetic(z)
             if not (np.isfinite(H).all() and np.isfinite(K).all()):
                 break
             least = None  # asked where a shift has failed
             while (least and mu < least) or not (factors := _shifted(tr, H, K, mu)).definite():
                 if least is None:
-                    least = 0.0 if last is None else _least_mu(tr, H, K, last)
+                    least = _least_mu(tr, H, K, loose_constants(tr) if last is None else last)
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:  # or the mass is not positive: then there is no lowest action
                     return Descended(z, False, _runs_away(tr, first, z), count)
@@ -110,9 +115,20 @@ def _least_mu(tr: Transcription, H: Array, K: Array, step: Array) -> float:
     """Return a mu below which H + mu K bends down along a step, and need not be factorized.
 
     By Rayleigh's quotient, which is nearly the least mu where steps run away: along the last one.
+    Along constants, which cost no velocities, it is infinite.
     """
     bend, metric = (float(step @ product(tr.layout, A, step)) for A in (H, K))
-    return -bend / metric * (1 - QUOTIENT_ROUNDOFF) if metric > 0 else 0.0
+    if metric > 0:
+        return -bend / metric * (1 - QUOTIENT_ROUNDOFF)
+    return np.inf if bend < 0 else 0.0
+
+
+def loose_constants(tr: Transcription) -> Array:
+    """Return the variation (size,) by one constant of the coordinates that are given at no end."""
+    problem, away = tr.problem, np.zeros(tr.layout.size)
+    held = {*problem.start.pinned, *(problem.end.pinned if problem.advance is None else ())}
+    away[: tr.layout.unknowns] = ~np.isin(tr.layout.free % tr.layout.width, list(held))
+    return away
 
 
 def _runs_away(tr: Transcription, first: Array, z: Array) -> bool:
@@ -120,17 +136,14 @@ def _runs_away(tr: Transcription, first: Array, z: Array) -> bool:
     return float(np.abs(z - first).max()) > 1.0 and _falls(tr, first, z - first)
 
 
-def falls_from(tr: Transcription, saddle: Array, loose: Array) -> bool:
+def falls_from(tr: Transcription, saddle: Array, away: Array) -> bool:
     """Whether S falls all the way along a straight line from a saddle to a path that has run away.
 
-    The line adds one constant to the coordinates that are `loose` (k,), given at neither end. Where
-    there are none it follows the variation of the lowest eigenvalue of K^-1 H (power method).
+    The line goes `away` (size,); where that is zero it follows the variation of the lowest
+    eigenvalue of K^-1 H (power method).
     """
     with np.errstate(all="ignore"):
-        if loose.size:
-            away = np.zeros(saddle.size)
-            away[: tr.layout.unknowns] = np.isin(tr.layout.free % tr.layout.width, loose)
-        else:
+        if not away.any():
             gradient, metric = tr.gradient(saddle), Factors(tr.layout, tr.kinetic(saddle))
             if not metric.definite():
                 return False

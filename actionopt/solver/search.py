@@ -22,7 +22,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import DEGREES
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.descent import descend, falls_from
+from actionopt.solver.descent import descend, falls_from, loose_constants
 from actionopt.solver.first_mesh import (
     COARSE_DEGREE,
     COARSE_ELEMENTS,
@@ -287,9 +287,8 @@ class Search:
         problem = self.ws.problem
         if self.saddle is None or self.principle != "auto" or problem.system.m or problem.system.r:
             return False
-        held = {*problem.start.pinned, *(problem.end.pinned if problem.advance is None else ())}
-        loose = np.array([k for k in range(problem.system.n) if k not in held], dtype=int)
         tr, z = self.saddle[1].tr, self.saddle[1].z
+        loose = loose_constants(tr)
         if not falls_from(tr, z, loose):
             return False
         mesh = self.ws.with_boundaries(self.uniform(FIRST_FEW, COARSE_DEGREE))
@@ -297,7 +296,9 @@ class Search:
         coarse.watch, Q = self.ws.watch, coarse.straight()
         bent = self._curved_line(mesh).values.T
         went = descend(coarse, coarse.pack(Q + OFF_LINE * (bent - Q)), FAR_DOWN)
-        return went.runaway or (loose.size > 0 and not went.found)  # constants cost no velocities
+        return went.runaway or (
+            bool(loose.any()) and not went.found
+        )  # constants cost no velocities
 
     def _refine_saddle(self) -> Status:
         """Refine the saddle that was found while a least path was sought, if there is one."""
