@@ -117,6 +117,8 @@ def _least_mu(tr: Transcription, H: Array, K: Array, step: Array) -> float:
     By Rayleigh's quotient, which is nearly the least mu where steps run away: along the last one.
     Along constants, which cost no velocities, it is infinite.
     """
+    if not step.any():
+        return 0.0
     bend, metric = (float(step @ product(tr.layout, A, step)) for A in (H, K))
     if metric > 0:
         return -bend / metric * (1 - QUOTIENT_ROUNDOFF)

@@ -107,6 +107,7 @@ class Along(Workspace[Iterate]):
     """
 
     freed: bool = False
+    _looked_at: tuple[Iterate, tuple[Array, ...]] | None = None
 
     @property
     def contact_problem(self) -> Held:
@@ -382,7 +383,7 @@ class Along(Workspace[Iterate]):
         """
         here, held = self.here, self.contact_problem
         assert held.arcs is not None
-        t, on, depth, push, unit = contact_conditions(here, here.sizes)
+        t, on, depth, push, unit = self._conditions()
         known = max(here.error if np.isfinite(here.error) else 0.0, here.resolution.worst)
         self.inside = float(depth.max(initial=0.0))
         inside = depth > max(INSIDE * known, allowed)
@@ -406,6 +407,13 @@ class Along(Workspace[Iterate]):
                 if begin < end:
                     found.append(Arc(i, float(begin), float(end)))
         return tuple(found)
+
+    def _conditions(self) -> tuple[Array, ...]:
+        """Return the `contact_conditions` of the path at hand, kept for the same path."""
+        here, known = self.here, self._looked_at
+        if known is None or known[0].z is not here.z or known[0].tr is not here.tr:
+            known = self._looked_at = here.bare(), contact_conditions(here, here.sizes)
+        return known[1]
 
     def _idle(self, t: Array, push: Array, least: Array) -> tuple[Arc, ...] | None:
         """Return the parts without those that touch and hardly press, once; None if all press."""
