@@ -313,8 +313,9 @@ def _on_its_mesh(
             return Increments(equations, z, shifted, mu).negative() - multipliers
         return Factors(layout, shifted).negative() - multipliers
 
-    index = below(-tolerance)
-    return Inertia(index, below(tolerance) - index, None, tolerance)
+    near = below(tolerance)  # of a clear minimum there are none to be told apart
+    index = below(-tolerance) if near else 0
+    return Inertia(index, near - index, None, tolerance)
 
 
 def _at_rest(equations: Bordered | Transcription, z: Array, mass: Array) -> Array:
