@@ -743,3 +743,18 @@ def test_a_solution_that_crosses_its_surface_elsewhere_is_found_again_from_itsel
     again = ao.solve(problem, guess=path)
     assert again.action == pytest.approx(path.action, rel=1e-9)
     assert again.problem.through[0].t == pytest.approx(path.problem.through[0].t, rel=1e-7)
+
+
+@pytest.mark.long
+def test_motions_are_thrown_back_where_they_may_pass():
+    a, b, c, T = 0.5, 0.3, 0.9, 3.9  # an oscillator's path meets q = c when it passes or turns back
+    line = ao.Event(None, None, on=lambda q, t: q[0] - c)
+    ends = ao.Event(0, [a]), ao.Event(T, [b])
+    found = ao.solve_all(ao.Problem(OSCILLATOR, *ends, through=[line]), starts=1)
+
+    def turns(t):
+        return oscillation(a, c, t)[2] + oscillation(c, b, T - t)[1]
+
+    times = [brentq(turns, *between) for between in ((0.1, 0.7), (0.8, 3.1), (3.2, 3.85))]
+    exact = [oscillation(a, c, t)[0] + oscillation(c, b, T - t)[0] for t in times]
+    assert sorted(path.action for path in found) == pytest.approx(sorted(exact), abs=1e-9)

@@ -112,6 +112,9 @@ class RayTracer:
         How long a motion takes, or about so if that is not given.
     timed : bool
         Whether it is.
+    thrown : tuple of int
+        Events without a change of law, and no reflections, at which motions are thrown back, not
+        passed: both are stationary there.
     """
 
     at: Problem
@@ -120,6 +123,7 @@ class RayTracer:
     size: Array
     span: float
     timed: bool
+    thrown: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, problem: Problem, size: Array, span: float) -> RayTracer:
@@ -307,7 +311,7 @@ class RayTracer:
         laws = [(p.system, p.packed) for p in self.legs[leg : leg + 2]]
         if self.legs[leg] is self.legs[leg + 1]:
             laws[1] = laws[0]
-        bounces = isinstance(event, Bounce)
+        bounces = isinstance(event, Bounce) or leg + 1 in self.thrown
         normals = by_q[:, 0], by_t[:, 0]
         return leave((laws[0], laws[1]), (q, v, t[:, None]), normals, bounces=bounces)
 

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
+from actionopt.mechanics.events import Bounce
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.ray_tracing import (
     EVENT_MISSED,
@@ -61,15 +63,40 @@ class Ray(NamedTuple):
         return track.at(i, np.zeros_like(i), t)[0]
 
 
+def ways_on(problem: Problem) -> Iterator[tuple[int, ...]]:
+    """Yield the events at which motions are thrown back, none first, then each choice of them.
+
+    Where a surface is met at a time that is found and the law does not change, the motion that
+    passes and the one that is thrown back are both stationary.
+    """
+    laws = problem.laws or (problem.system,) * (len(problem.through) + 1)
+    either = [
+        k
+        for k, event in enumerate(problem.through, start=1)
+        if not isinstance(event, Bounce)
+        and event.on is not None
+        and event.t is None
+        and laws[k - 1] is laws[k]
+    ]
+    for count in range(len(either) + 1):
+        yield from combinations(either, count)
+
+
 def rays(
-    problem: Problem, size: Array, span: float, random: np.random.Generator, rounds: int
+    problem: Problem,
+    size: Array,
+    span: float,
+    random: np.random.Generator,
+    rounds: int,
+    thrown: tuple[int, ...] = (),
 ) -> Iterator[Ray]:
     """Yield motions through the events of a problem that come near its end, the nearest ones first.
 
-    `size` (n,) is that of the coordinates, `span` about how long it takes. There are none where
-    motions do not lead from event to event: coordinates of the start are free and the path does not
-    close, or an event between the ends is no surface. Nor under constraints, whose impulses no law
-    of reflection here has, nor where L contains accelerations: more is to be chosen at the start.
+    `size` (n,) is that of the coordinates, `span` about how long it takes; motions are `thrown`
+    back at these events (`ways_on`). There are none where motions do not lead from event to event:
+    coordinates of the start are free and the path does not close, or an event between the ends is
+    no surface. Nor under constraints, whose impulses no law of reflection here has, nor where L
+    contains accelerations: more is to be chosen at the start.
     """
     start, *inner, _ = problem.joints_found
     system, closed = problem.system, problem.advance is not None
@@ -78,6 +105,7 @@ def rays(
     if not (inner and given) or any(e.on is None or e.on.count > 1 for e in inner):
         return
     tracer = (ClosedRayTracer if closed else RayTracer).of(problem, size, span)
+    tracer = replace(tracer, thrown=thrown)
     batch = tracer.follow(tracer.all_round(random))
     if tracer.timed:
         batch = tracer.follow(tracer.in_time(batch))

@@ -38,7 +38,7 @@ from actionopt.solver.family import judge_family, may_be_family
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.iterate import AT_REST, ROUNDED
 from actionopt.solver.passing_times import lower
-from actionopt.solver.rays import RAY_ROUNDS, Ray, rays
+from actionopt.solver.rays import RAY_ROUNDS, Ray, rays, ways_on
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.verdict import solution_of
@@ -379,8 +379,10 @@ def _first_legs(
     if not np.isfinite(span):
         span = float(_durations(problem, base).sum())
     rounds = ALL_ROUNDS if count else RAY_ROUNDS
-    for ray in islice(rays(problem, size, span, random, rounds), count or FIRST_POLYGONS):
-        yield along_ray(problem, ray)
+    for thrown in ways_on(problem):
+        found = rays(problem, size, span, random, rounds, thrown)
+        for ray in islice(found, count or FIRST_POLYGONS):
+            yield along_ray(problem, ray)
     if count and len(base) > 3:
         yield from (
             _begin(problem, q, size, np.ones(len(q) - 1))
