@@ -19,6 +19,7 @@ from actionopt.discrete.element import element
 from actionopt.discrete.factors import full
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
+from actionopt.solver import iterate
 
 SPLINE = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"])
 MIXED = ao.System(
@@ -856,3 +857,11 @@ def test_a_beam_comes_to_lie_on_a_floor_at_one_point():
     assert sol.problem.through[0].t == pytest.approx(c, abs=1e-10) and sol.morse_index == 0
     assert sol.impulses[0] == pytest.approx([-force, 0], abs=1e-8)
     assert force > 0 and sol(np.linspace(0, 1, 101)).min() > -1e-9
+
+
+def test_where_no_inertia_is_found_along_an_obstacle_a_beam_is_no_minimum(monkeypatch):
+    def refuse(at, error):
+        raise ValueError("L is not convex in the accelerations")
+
+    monkeypatch.setattr("actionopt.analysis.index.inertia_through", refuse)
+    assert iterate._index_in_contact(None) == 1

@@ -9,6 +9,7 @@ from scipy.special import ellipk
 import actionopt as ao
 from actionopt import Periodic, plot, scenes
 from actionopt.analysis.monodromy import Monodromy
+from actionopt.discrete.borders import PhaseCondition
 
 CLOSED = 1e-10  # return of position and momentum
 
@@ -521,3 +522,12 @@ def test_a_guess_that_is_a_member_of_a_family_is_kept(name):
 def test_the_larger_of_a_pair_of_multipliers_comes_first(z):
     pair = np.diag([1 / z, z]).view(Monodromy).eigenvalues
     assert pair == pytest.approx([z, 1 / z], rel=1e-14)
+
+
+def test_the_phase_of_another_member_begins_where_its_start_says():
+    B, C = np.arange(6.0).reshape(3, 2), np.arange(6.0, 12.0).reshape(2, 3)
+    phase = PhaseCondition(B, C, np.array([0.5, 7.0]), (1,))
+    problem = ao.Problem(systems.particle("x y"), ao.Event(0, [None, 3.0]), ao.Periodic(1.0))
+    other = phase.of(problem, np.array([1.0, 2.0]))
+    assert (other.B is B, other.C is C, other.given) == (True, True, (1,))
+    np.testing.assert_array_equal(other.c, [1.5, 7.0])

@@ -8,6 +8,7 @@ import pytest
 import systems
 
 import actionopt as ao
+from actionopt.solver.ray_tracing import EVENT_MISSED, RAY_SLOWER, RayTracer
 from actionopt.solver.rays import BEST_RAYS, RaySearch
 from actionopt.solver.through import starts
 
@@ -145,3 +146,22 @@ def test_a_throw_of_given_energy_bounces_for_longer_than_a_straight_way_takes(E,
         closed += duration(u[:-1], first, last)[off[1:] * off[:-1] <= 0].tolist()
     assert np.abs(np.array(closed) - found.duration).min() < 1e-3
     assert found.energy(found.duration / 3) == pytest.approx(E, abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1.0, 50.0])
+def test_motions_of_a_free_particle_are_straight_and_turn_at_a_wall(scale):
+    """Times, places and costs in closed form, however the surfaces are scaled."""
+    wall = ao.Bounce(lambda q, t: scale * (1 - q[0]))
+    end = ao.Event(2.0, [None, None], on=lambda q, t: scale * (q[1] - 0.4))
+    problem = ao.Problem(systems.particle("x y"), ao.Event(0.0, [0.0, 0.0]), end, through=[wall])
+    v = np.array([[1.0, 0.2], [2.0, 0.05], [0.5, 0.1], [-1.0, 0.3]])
+    traced = RayTracer.of(problem, np.array([2.0, 4.0]), 2.0).follow(v)
+    assert traced.through.tolist() == [True, True, True, False]  # the last one moves away from it
+    (vx, vy), hit, t = v[:3].T, traced.times[:3, 1], traced.times[:3, 2]
+    np.testing.assert_allclose(hit, 1 / vx)
+    np.testing.assert_allclose(traced.places[:3, 1].T, [np.ones(3), vy / vx])
+    np.testing.assert_allclose(traced.places[:3, 2].T, [2 - vx * t, vy * t])
+    late = RAY_SLOWER * np.log(t / 2)
+    np.testing.assert_allclose(traced.cost[:3], np.hypot(late, (vy * t - 0.4) / 4))
+    # It is nearest at the first sample after the start, and of one event: half as far, in sizes.
+    assert EVENT_MISSED + 0.5 < traced.cost[3] < EVENT_MISSED + 0.52

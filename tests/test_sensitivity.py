@@ -367,3 +367,15 @@ def test_a_parameter_that_moves_an_equilibrium_at_infinite_time(more, constraint
     ends = ao.Event(-np.inf, [-1.0] * kink.n), ao.Event(np.inf, [1.0] * kink.n)
     slope = ao.solve(ao.Problem(kink, *ends)).sensitivity().parameters["a"]
     assert slope == pytest.approx(exact, abs=1e-8)
+
+
+def test_second_derivatives_along_a_circle_are_those_of_the_angles():
+    """S = (b - a)^2 / (2 T) of a free motion: only moves along the circle count."""
+    a, b, T = 0.3, 1.7, 2.0
+    free = systems.particle("x y", constraint=lambda q, t: q @ q - 1)
+    ends = [ao.Event(t, [np.cos(x), np.sin(x)]) for t, x in ((0.0, a), (T, b))]
+    found = ao.solve(ao.Problem(free, *ends), tol=1e-10).sensitivity()
+    along = [np.array([-np.sin(x), np.cos(x)]) for x in (a, b)]
+    np.testing.assert_allclose(found.q0q0, np.outer(along[0], along[0]) / T, atol=1e-8)
+    np.testing.assert_allclose(found.q0q1, -np.outer(along[0], along[1]) / T, atol=1e-8)
+    np.testing.assert_allclose(found.q1q1, np.outer(along[1], along[1]) / T, atol=1e-8)

@@ -63,3 +63,12 @@ def test_a_path_is_led_to_other_ends():
     assert path([0.0, 2.0])[0] == pytest.approx([1.0, -3.0])
     shear = path(np.array([0.6])) - first(np.array([0.3]))
     assert shear[0, 0] == pytest.approx(0.7 * (1.0 - first(0.0)[0]) + 0.3 * (-3.0 - first(1.0)[0]))
+
+
+def test_a_walk_of_no_step_stays_and_one_of_a_step_arrives():
+    spring = ao.System(lambda q, v, t, *, k: (v @ v - k * q @ q) / 2, ["x"], parameters={"k": 1.0})
+    problem = ao.Problem(spring, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
+    path = ao.solve(problem).path
+    assert walk(problem, path, {"k": 1.0}, {"k": 1.0}, 0, 1e-8) is path
+    there = walk(problem, path, {"k": 1.0}, {"k": 4.0}, 1, 1e-8)
+    assert there(0.5)[0] == pytest.approx(np.sin(1.0) / np.sin(2.0), abs=1e-8)
