@@ -18,7 +18,7 @@ from actionopt.gallery.texts import texts
 from actionopt.mechanics import written
 from actionopt.plot._names import units_of
 from actionopt.tools import formula as F
-from actionopt.tools.mathml import mathml
+from actionopt.tools.mathml import inline, mathml, symbol
 
 OPERATORS = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv
@@ -268,3 +268,32 @@ def test_along_a_parameter_nothing_is_told_in_seconds_but_a_time():
         for fact in scene.facts.numbers:
             if fact.startswith("contact_"):
                 assert " s" not in f" {units.fact_unit(name, fact)}".replace("/", " "), (name, fact)
+
+
+@pytest.mark.parametrize(
+    ("name", "marked"),
+    [
+        ("x'", '<mover accent="true"><mi>x</mi><mo>&#x2D9;</mo></mover>'),
+        ("x" + 5 * "'", "<msup><mi>x</mi>"),
+        ("Ex", "<msub><mi>E</mi><mi>x</mi></msub>"),
+    ],
+)
+def test_a_symbol_has_dots_an_order_or_an_index(name, marked):
+    found = symbol(name)
+    assert found.startswith(f'<math alttext="{name}"><mrow>') and marked in found
+    assert ("<mn>5</mn>" in found) == name.endswith(5 * "'")
+
+
+@pytest.mark.parametrize(
+    ("text", "marked"),
+    [
+        ("x^(1/2)", "<msup><mi>x</mi><mrow><mn>1</mn><mo>/</mo><mn>2</mn></mrow></msup>"),
+        ("1/2 x", "<mfrac><mn>1</mn><mn>2</mn></mfrac>"),
+        ("exp(x)", "<msup><mi>e</mi><mrow><mi>x</mi></mrow></msup>"),
+        ("df/dx", "<mrow><mi>d</mi><mi>f</mi></mrow><mrow><mi>d</mi><mi>x</mi></mrow>"),
+        ("dL/dx", "<mrow><mi>&#x2202;</mi><mi>L</mi></mrow>"),
+        ("f(x)", "<mi>f</mi><mo>&#x2061;</mo>"),
+    ],
+)
+def test_what_formulas_seldom_have_is_written_too(text, marked):
+    assert marked in inline(text, ())

@@ -11,7 +11,8 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import actionopt as ao
-from actionopt.families.centres import guesses
+from actionopt.families import centres
+from actionopt.families.centres import FIRST_DISTANCE, _fates, guesses
 from actionopt.mechanics.rest import rest
 from actionopt.solver.solve import solve_near
 from actionopt.solver.window import for_search
@@ -387,3 +388,38 @@ def test_a_trace_ends_where_no_path_comes_to_rest():
     x = found.values
     assert x.min() > -1
     assert found.actions == pytest.approx(2 / 3 - x + x**3 / 3, rel=1e-8)
+
+
+@pytest.mark.parametrize(("sign", "passes"), [(-1.0, True), (1.0, False)])
+def test_motions_from_rest_pass_a_point_or_run_away_from_it(sign, passes):
+    """x = a cos t passes 0 within 2 s, a cosh t never does."""
+    system = ao.System(lambda q, v, t: v @ v / 2 + sign * q @ q / 2, ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(2.0, [0.0]))
+    fate, (t, q) = _fates(problem, np.array([1.0, -0.5]), 0.0)
+    assert fate.tolist() == [passes, passes]
+    if passes:
+        begin = FIRST_DISTANCE * problem.duration
+        np.testing.assert_allclose(q[1:], np.cos(t[1:] - begin), atol=1e-9)
+        assert (t[0], q[0]) == (0.0, 1.0) and 0 <= np.pi / 2 + begin - t[-1] < 0.01
+
+
+def test_guesses_of_a_bounce_lie_between_motions_that_pass_and_that_turn(monkeypatch):
+    """Of x'' = x - x^3 - x' / 2 those from beyond some height pass 0, on either side."""
+    monkeypatch.setattr(centres, "RUNGE_STEPS", 80)
+    monkeypatch.setattr(centres, "STARTS", 16)
+    system = ao.System(
+        lambda q, v, t: np.exp(t / 2) * (v @ v / 2 + q @ q / 2 - (q @ q) ** 2 / 4), ["x"]
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(12.0, [0.0]))
+    found = [guess(np.array([0.0, 100.0]))[0] for guess in guesses(problem, 0.0)]
+    low, high = min(found, key=lambda q: q[0]), max(found, key=lambda q: q[0])
+    assert all(q[1] == 0.0 for q in found) and low[0] == pytest.approx(-high[0])
+
+    def force(t, y):
+        return y[1], -(y[0] ** 3) + y[0] - y[1] / 2
+
+    least = [
+        solve_ivp(force, (0, 12), [part * high[0], 0.0], rtol=1e-8).y[0].min()
+        for part in (0.99, 1.01)
+    ]
+    assert least[0] > 0.0 > least[1]

@@ -8,6 +8,7 @@ from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import Periodic, plot, scenes
+from actionopt.analysis import shooting
 from actionopt.analysis.monodromy import Monodromy
 from actionopt.discrete.borders import PhaseCondition
 
@@ -531,3 +532,31 @@ def test_the_phase_of_another_member_begins_where_its_start_says():
     other = phase.of(problem, np.array([1.0, 2.0]))
     assert (other.B is B, other.C is C, other.given) == (True, True, (1,))
     np.testing.assert_array_equal(other.c, [1.5, 7.0])
+
+
+@pytest.mark.parametrize(
+    ("multipliers", "words"),
+    [
+        ((1.0, 1.0), "linearly stable: all multipliers are on the unit circle"),
+        ((3.0, 1 / 3), "unstable: 1 multiplier outside the unit circle, the largest of modulus 3"),
+    ],
+)
+def test_multipliers_say_whether_neighbours_stay_near(multipliers, words):
+    M = np.diag(multipliers).view(Monodromy)
+    assert M.stability == words and repr(M) == f"Monodromy(2 x 2, {words})"
+    assert repr(M[0]).startswith("Monodromy([")  # a part of it has none
+
+
+@pytest.mark.parametrize("given", [None, 0.9])
+def test_motions_are_changed_until_they_close(given):
+    """Of x'' = -x - x^3, to the accuracy of guesses; what the start gives stays."""
+    duffing = systems.spring()
+    problem = ao.Problem(duffing, ao.Event(0.0, [given]), ao.Periodic(5.0))
+    q0, v0, which = shooting.close(
+        problem, np.full((1, 2), 0.9), np.array([[0.2, 0.1]]), np.ones(2)
+    )
+    assert which.size and (given is None or (q0 == given).all())
+    q, v = shooting.fly(problem, q0[:, None], v0[:, None])
+    np.testing.assert_allclose(q[:, 0], q0, atol=1e-4)
+    if given is None:
+        np.testing.assert_allclose(v[:, 0], v0, atol=1e-4)

@@ -12,7 +12,7 @@ import pytest
 from helpers import a_quarter
 
 from actionopt import suite
-from actionopt.suite import mof, nl, nl_lines, standalone
+from actionopt.suite import mof, nl, nl_lines, optiprofiler, standalone
 from actionopt.suite.dump import archive, dump
 from actionopt.suite.expression import nlp
 from actionopt.suite.families import Family
@@ -20,8 +20,10 @@ from actionopt.suite.interfaces import (
     Ipopt,
     actionopt_load,
     actionopt_select,
+    cyipopt_arguments,
     hessian,
     jacobian,
+    nlopt_problem,
     scipy_arguments,
 )
 from actionopt.suite.limits import Bounds
@@ -486,3 +488,77 @@ def test_the_header_counts_the_defined_variables():
 def test_whole_numbers_in_a_row_are_written_in_short():
     assert standalone._span(np.arange(3, 7)) == "np.arange(3, 7)"
     assert standalone._span(np.array([3, 5, 6])) == "np.array([3, 5, 6])"
+
+
+class Nlopt:
+    """What NLopt's optimizer is told."""
+
+    LD_SLSQP, opt = 7, None
+
+    def __init__(self, code, n):
+        self.code, self.n, self.rows = code, n, []
+
+    def set_min_objective(self, f):
+        self.objective = f
+
+    def set_lower_bounds(self, x):
+        self.lower = x
+
+    def set_upper_bounds(self, x):
+        self.upper = x
+
+    def add_equality_mconstraint(self, c, tol):
+        self.rows.append((0, c, tol.size))
+
+    def add_inequality_mconstraint(self, c, tol):
+        if self.code != self.LD_SLSQP:
+            raise RuntimeError("no constraints")
+        self.rows.append((1, c, tol.size))
+
+
+def test_what_nlopt_and_cyipopt_are_given(monkeypatch):
+    """Rows as NLopt has them: equations c = 0, and c <= 0 for both kinds of bounds."""
+    module = SimpleNamespace(opt=Nlopt, LD_SLSQP=Nlopt.LD_SLSQP, LD_LBFGS=8, version="2")
+    monkeypatch.setitem(sys.modules, "nlopt", module)
+    problem = suite.get("rod_pendulum", elements=2)
+    made, x, slope = nlopt_problem(problem, "LD_SLSQP"), problem.start(), np.zeros(problem.n)
+    assert (made.n, made.objective(x, slope)) == (problem.n, problem.objective(x))
+    np.testing.assert_array_equal(slope, problem.gradient(x))
+    ((kind, row, size),) = made.rows
+    value, slopes = np.zeros(size), np.zeros((size, problem.n))
+    row(value, x, slopes)
+    assert (kind, size) == (0, problem.m)
+    np.testing.assert_array_equal(value, -problem.constraints(x))
+    np.testing.assert_array_equal(slopes, -jacobian(problem, x).toarray())
+    given = cyipopt_arguments(problem)
+    assert (given["n"], given["m"]) == (problem.n, problem.m)
+    bounds = [*problem.bounds, *problem.constraint_bounds]
+    np.testing.assert_equal([given[name] for name in ("lb", "ub", "cl", "cu")], bounds)
+    with pytest.raises(ValueError, match="found 'LD_NONE'"):
+        nlopt_problem(problem, "LD_NONE")
+    discs = suite.get("disc", elements=4)
+    made = nlopt_problem(discs, "LD_SLSQP")
+    x = discs.start()
+    for kind, row, size in made.rows:
+        value = np.zeros(size)
+        row(value, x, np.zeros(0))
+        assert kind == 1
+        np.testing.assert_allclose(value, discs.constraint_bounds[0] - discs.constraints(x))
+    with pytest.raises(ValueError, match="with constraints, found LD_LBFGS"):
+        nlopt_problem(discs, "LD_LBFGS")
+
+
+def test_few_problems_are_selected_for_optiprofiler(monkeypatch):
+    names = ("pendulum", "rod_pendulum", "string_floor_bounds")
+    monkeypatch.setattr(suite, "FAMILIES", {name: suite.FAMILIES[name] for name in names})
+    n, rows = suite.get("pendulum").n, suite.get("rod_pendulum").m
+    assert optiprofiler.actionopt_select({}) == list(names)
+    assert optiprofiler.actionopt_select({"ptype": "u"}) == ["pendulum"]
+    assert optiprofiler.actionopt_select({"minb": 1}) == ["string_floor_bounds"]
+    assert optiprofiler.actionopt_select({"minnlcon": 1, "maxcon": rows}) == ["rod_pendulum"]
+    assert optiprofiler.actionopt_select({"mincon": rows + 1}) == []
+    assert "pendulum" not in optiprofiler.actionopt_select({"excludelist": ["pendulum"]})
+    assert "pendulum" in optiprofiler.actionopt_select({"maxdim": n})
+    assert "pendulum" not in optiprofiler.actionopt_select({"maxdim": n - 1})
+    sides = SimpleNamespace(constraint_bounds=np.array([[0, 0, -np.inf, 1], [0, 2, 3, np.inf]]))
+    assert optiprofiler._rows(sides) == 5  # an equation, four sides

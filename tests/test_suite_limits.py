@@ -1,5 +1,6 @@
 """Bounds and inequalities reach every solver and every file, and all come to one answer."""
 
+import argparse
 import stat
 import sys
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from actionopt import suite
-from actionopt.suite import asl, nl, solvers
+from actionopt.suite import asl, commands, nl, solvers
 from actionopt.suite.families import Family
 from actionopt.suite.limits import Bounds
 from actionopt.suite.solvers import run
@@ -120,3 +121,24 @@ def test_a_solution_file_that_ends_too_soon_is_none(tmp_path):
     (tmp_path / "a.sol").write_text("said\n\nOptions\n3\n1\n1\n0\n0\n0\n2\n2\n1.5\n")
     with pytest.raises((ValueError, IndexError)):
         asl.read(tmp_path / "a.sol")
+
+
+@pytest.mark.parametrize(("text", "found"), [("mass=2", 2), ("mass=2.0", 2.0), ("a=1e3", 1000)])
+def test_a_parameter_of_a_member_is_read(text, found):
+    name, value = commands._setting(text)
+    assert (name, value, type(value)) == (text.partition("=")[0], found, type(found))
+
+
+@pytest.mark.parametrize("text", ["mass", "=2", "mass=heavy"])
+def test_what_is_no_parameter_of_a_member_is_refused(text):
+    with pytest.raises(argparse.ArgumentTypeError, match="expected NAME=NUMBER, found"):
+        commands._setting(text)
+
+
+@pytest.mark.parametrize(
+    ("number", "meaning"),
+    [(-1, "solved"), (0, "solved"), (103, "solved"), (200, "infeasible"), (399, "unbounded"),
+     (400, "gave up"), (599, "gave up"), (999, "gave up")],
+)  # fmt: skip
+def test_numbers_of_ampl_have_a_meaning(number, meaning):
+    assert asl.AmplResult(np.zeros(1), None, "", number).meaning == meaning

@@ -712,3 +712,20 @@ def test_inside_of_its_bounds_nothing_is_violated():
     model = suite.model("string_above_floor")
     x = model.start()
     assert np.min(x - model.bounds[0]) > 0.5 and model.violation(x) == 0.0
+
+
+def test_what_a_model_is_by_itself():
+    model = suite.model("arm_in_disc")
+    assert repr(model) == f"{type(model).__name__}({model.name}, {model.classification})"
+    assert (model.default_start, model.start_names) == ("own", ("own",))
+    np.testing.assert_array_equal(model.start("own"), model.start())
+    with pytest.raises(ValueError, match="'own', found 'straight'"):
+        model.start("straight")
+    assert model.known_by == dict.fromkeys(
+        ("x_star", "f_star", "lam_star", "index_star"), model.answer.how
+    )
+    assert (model.origin, model.resolution, model.lowest) == ({}, {}, np.inf)
+    assert model.least_violation == pytest.approx(1 - 0.9**2)  # the arm is too short by 0.1
+    box = suite.model("shooting")
+    assert box.variable_names == [f"x[{k}]" for k in range(box.n)] and box.constraint_names == []
+    assert (box.least_violation, box.lowest < np.inf) == (0.0, True)

@@ -12,7 +12,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.factors import negative_signs
 from actionopt.mechanics.symmetry import find_symmetries
-from actionopt.tools.progress import Bar, waiting
+from actionopt.tools.progress import Bar, steps, waiting
 from actionopt.tools.watch import OutOfTime, TimeUp, Watch, time_limit
 
 LATTICE = ao.System(
@@ -231,3 +231,12 @@ def test_what_takes_longer_than_the_time_left_is_not_begun(monkeypatch):
     closed = ao.Problem(chain, ao.Event(0.0, None), ao.Periodic(5.0))
     found = ao.solve(closed, guess=np.cos(turning), seconds=0.5, throw=False)
     assert found.status is ao.Status.OUT_OF_TIME
+
+
+def test_what_is_done_is_shown_over_itself_on_a_terminal(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    assert list(steps("ab")) == ["a", "b"]
+    first, second, last = capsys.readouterr().err.split("\r\x1b[K")[1:]
+    parts = [line.partition("] ")[2] for line in (first, second, last)]
+    assert parts == ["0/2 a", "1/2 b", "2/2 \n"]
+    assert second.count("#") == second.count(".") > 0 and "." not in last.partition("]")[0]
