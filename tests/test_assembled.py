@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -94,3 +95,13 @@ def test_lowest_eigenvalues_are_those_of_a_full_matrix_equal_ones_too(seed):
     scale = np.abs(values).max()
     assert np.max(np.abs(found - values[:count])) < 1e-9 * scale
     assert np.max(np.abs(matrix @ vectors - vectors * found)) < 1e-6 * scale
+
+
+def test_a_sparse_matrix_solves_above_its_lowest_eigenvalue_only():
+    matrix = np.diag([2.0, 3.0, 4.0]) + np.diag([0.5, 0.5], 1) + np.diag([0.5, 0.5], -1)
+    sparse, block = modes._Matrix(ca.sparsify(ca.DM(matrix))), np.arange(6.0).reshape(3, 2)
+    assert sparse.size == 3
+    np.testing.assert_allclose(sparse.times(block), matrix @ block)
+    solve = sparse.solver(1.0)
+    np.testing.assert_allclose((matrix - np.eye(3)) @ solve(block), block, atol=1e-12)
+    assert sparse.solver(2.0) is None

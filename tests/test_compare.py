@@ -6,6 +6,7 @@ for the last tests, whose meshes are what a solution's is.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from actionopt import Event, Mesh, Problem, Solution, State, System, integrate, solve
-from actionopt.analysis.compare import compare
+from actionopt.analysis.compare import KINK_CUT, _Parts, compare
 from actionopt.analysis.flow import Flow
 
 ACCURATE = 3e-11  # what forward integration makes of these motions, as its own tests say
@@ -487,3 +488,14 @@ def test_times_far_from_zero(t0):
 
 
 # -- a solution ------------------------------------------------------------------------------
+
+
+def test_where_a_motion_can_be_begun_again():
+    parts = SimpleNamespace(
+        mesh=SimpleNamespace(boundaries=np.array([0.0, 1.0, 2.0, 3.0, 4.0])),
+        kinked=np.array([False, True, True, False]),
+    )
+    parts.smooth = lambda t: ~parts.kinked[t.astype(int)]
+    assert _Parts.cut(parts, 0.0, 1.0) == pytest.approx(KINK_CUT)
+    assert _Parts.cut(parts, 1.0, 4.0) == 3.5
+    assert _Parts.cut(parts, 1.0, 3.2) is None

@@ -18,7 +18,8 @@ from actionopt.gallery.texts import texts
 from actionopt.mechanics import written
 from actionopt.plot._names import units_of
 from actionopt.tools import formula as F
-from actionopt.tools.mathml import inline, mathml, symbol
+from actionopt.tools.mathml import inline, mathml
+from actionopt.tools.mathml import symbol as marked_symbol
 
 OPERATORS = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv
@@ -279,7 +280,7 @@ def test_along_a_parameter_nothing_is_told_in_seconds_but_a_time():
     ],
 )
 def test_a_symbol_has_dots_an_order_or_an_index(name, marked):
-    found = symbol(name)
+    found = marked_symbol(name)
     assert found.startswith(f'<math alttext="{name}"><mrow>') and marked in found
     assert ("<mn>5</mn>" in found) == name.endswith(5 * "'")
 

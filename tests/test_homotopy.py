@@ -10,7 +10,7 @@ from actionopt.discrete.newton import approach, follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
 from actionopt.solver.homotopy import newton_homotopy
-from actionopt.solver.resonances import Resonances
+from actionopt.solver.resonances import Resonances, _Held
 
 PENDULUM = systems.pendulum(g=9.81)
 
@@ -93,3 +93,15 @@ def test_a_small_swing_of_many_links_near_a_resonance(links):
     state = np.concatenate([solution(0.0), solution.velocity(0.0)])
     end = integrated(flow, state, 0.0, 0.5, rtol=1e-8)(0.5)
     assert np.max(np.abs(end[:links] + first / 2)) < 1e-4
+
+
+def test_modes_take_turns():
+    held = _Held(
+        np.zeros(2),
+        np.array([[1.0, 2.0, 3.0]]),
+        np.array([4.0, 5.0, 6.0]),
+        np.array([2.0, 5.0, 3.0]),
+    )
+    turned = held.next()
+    assert (held.root, turned.root, turned.next().root) == (-2.0, -1.0, -2.0)
+    assert turned.modes.tolist() == [[2.0, 3.0, 1.0]] and turned.z is held.z

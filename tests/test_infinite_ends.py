@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from actionopt.families import centres
 from actionopt.families.centres import FIRST_DISTANCE, _fates, guesses
 from actionopt.mechanics.rest import rest
 from actionopt.solver.solve import solve_near
-from actionopt.solver.window import for_search
+from actionopt.solver.window import explain_short_window, for_search, restrict_guess
 
 INF = math.inf
 
@@ -423,3 +424,17 @@ def test_guesses_of_a_bounce_lie_between_motions_that_pass_and_that_turn(monkeyp
         for part in (0.99, 1.01)
     ]
     assert least[0] > 0.0 > least[1]
+
+
+def test_a_path_of_infinite_time_dwells_at_both_ends_of_a_window():
+    rests = SimpleNamespace(slow=1.0), SimpleNamespace(slow=3.0)
+
+    class Solution:
+        problem = SimpleNamespace(rests=rests)
+
+        def __call__(self, t):
+            return 10.0 * t
+
+    problem = ao.Problem(systems.particle(), ao.Event(1.0, [0.0]), ao.Event(9.0, [1.0]))
+    assert restrict_guess(Solution(), problem)(7.5) == 5.0  # the middle is at 1 + 8 * 3 / 4
+    assert "may move it by 0.012, more than tol = 1e-08" in explain_short_window(1e-8, 0.0123)

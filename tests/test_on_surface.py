@@ -17,6 +17,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
 from actionopt.families import task
 from actionopt.solver import nearest_points
+from actionopt.solver.free_contact import _ends
 from actionopt.solver.nearest_points import NEAREST_POINTS
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.verdict import solution_of
@@ -433,3 +434,10 @@ def test_a_throw_meets_a_sinking_plane_on_its_way_up_and_down():
     assert roots.size == 2
     np.testing.assert_allclose(sorted(s.end.t for s in found), roots, atol=2e-3)
     assert len(ao.solve_all(ao.Problem(ball, ao.Event(0, 0.0), end, energy=2.0), shots=0)) == 1
+
+
+def test_ends_of_a_guess_are_put_on_their_surfaces():
+    circle = ao.Event(1.0, [None, None], on=lambda q, t: q @ q - 1)
+    problem = ao.Problem(systems.particle("x y"), ao.Event(0.0, [0.0, 0.0]), circle)
+    path = ao.Path.interpolate(lambda t: np.stack([3 * t, 4 * t]), ao.Mesh.uniform(0, 1, 2, 3))
+    np.testing.assert_allclose(_ends(problem, path), [[0, 0], [0.6, 0.8]], atol=1e-9)

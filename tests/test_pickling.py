@@ -171,3 +171,9 @@ def test_a_lambda_of_a_notebook_reaches_a_process_that_is_spawned():
     command = [sys.executable, "-c", textwrap.dedent(NOTEBOOK)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.stdout == "as here\n", done.stderr
+
+
+def test_a_conserved_quantity_travels():
+    plane = System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    turning = pickle.loads(pickle.dumps(ao.noether(plane, lambda q, t: [q[1], -q[0]])))
+    assert turning(np.array([1.0, 2.0]), np.array([3.0, -1.0]), 0.0) == 2.0 * 3.0 - 1.0 * -1.0

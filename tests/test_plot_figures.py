@@ -17,7 +17,7 @@ from actionopt.gallery.figures import cut
 from actionopt.mechanics.symmetry import cyclic
 from actionopt.plot._style import styled_figures
 from actionopt.plot.data import fan
-from actionopt.plot.data.variations import directions, sizes
+from actionopt.plot.data.variations import directions, over_modes, sizes, telling
 
 PARAMETERS = {"oscillator_saddle": ("oscillator", {"duration": 4.0})}
 FIGURES = {
@@ -543,3 +543,21 @@ def test_impulses_of_contact_are_arrows_with_their_values():
     (value,) = [text for text in ax.texts if text.get_text().strip()]
     assert value.get_text().strip() == "48" and value.get_position()[0] == pytest.approx(0.5)
     assert list(ax.get_yticks()) == [0.0]
+
+
+def test_where_paths_stand_on_a_landscape():
+    s = ao.solve(ao.Problem(systems.pendulum(), ao.Event(0.0, [0.5]), ao.Event(2.0, [-0.3])))
+    chosen, modes = telling(s)
+    t = np.linspace(0, 2.0, 30)
+    q = s(t) + np.stack(
+        [0.1 * modes[chosen[0]](t), 0.2 * modes[chosen[0]](t) - 0.3 * modes[chosen[1]](t)]
+    )
+    np.testing.assert_allclose(over_modes(s, t, q), [[0.1, 0.0], [0.2, -0.3]], atol=1e-9)
+
+
+def test_action_over_time():
+    s = ao.solve(ao.Problem(systems.particle(), ao.Event(0.0, [0.0]), ao.Event(2.0, [1.0])))
+    triangles, S = fan.over_time(fan.fronts_data(s))
+    t, q = triangles.x, triangles.y
+    np.testing.assert_allclose(S, q**2 / (2 * t), atol=1e-7)
+    assert not triangles.mask.any() and t.min() > 0.1

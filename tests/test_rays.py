@@ -165,3 +165,14 @@ def test_motions_of_a_free_particle_are_straight_and_turn_at_a_wall(scale):
     np.testing.assert_allclose(traced.cost[:3], np.hypot(late, (vy * t - 0.4) / 4))
     # It is nearest at the first sample after the start, and of one event: half as far, in sizes.
     assert EVENT_MISSED + 0.5 < traced.cost[3] < EVENT_MISSED + 0.52
+
+
+def test_states_are_sought_between_neighbours_that_part():
+    """Motions of u > 0 come to the event, the others do not: the next ones begin at u = 0."""
+    tracer = SimpleNamespace(
+        size=np.ones(1), unit=np.ones(1), at=SimpleNamespace(joints=[0, 1]), span=1.0
+    )
+    search, u = RaySearch(tracer), np.linspace(-1.0, 1.0, 40)[:, None]
+    places = np.where(u > 0, u, np.nan)[:, :, None] * np.ones((1, 2, 1))
+    search.add(SimpleNamespace(u=u, cost=u[:, 0] ** 2, places=places, times=0 * places[..., 0]))
+    np.testing.assert_allclose(search.between(100), [[0.0]], atol=1e-12)

@@ -24,6 +24,8 @@ import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
 from actionopt.families import batch, budget
 from actionopt.families import sweep as module
+from actionopt.families.grid import Grid
+from actionopt.families.runs import Runs
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
 PENDULUM = scenes.get("pendulum").problem
@@ -731,3 +733,26 @@ def test_a_sweep_moves_waypoints_and_the_law_of_a_leg():
     slope = (runs.action[1, 2] - runs.action[1, 0]) / (2 * h)
     assert runs.slopes[1, 1, 1] == pytest.approx(slope, abs=1e-5)
     assert runs.slopes[1, 1, 1] == pytest.approx(-ao.solve(problem).integral_multipliers[0])
+
+
+def test_a_sweep_is_read_back_from_its_file(tmp_path):
+    problem = ao.Problem(systems.oscillator(), ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
+    over, file = {"t1": [1.0, 2.0], ("end", "x"): [0.5, 1.0, 1.5]}, tmp_path / "runs.npz"
+    runs = ao.sweep(problem, over, tol=1e-6)
+    runs.save(file)
+    again = Runs.read(file, Grid.of(problem, over, False), 1e-6, False)
+    np.testing.assert_array_equal(again.action, runs.action)
+    np.testing.assert_array_equal(again.status, runs.status)
+    with pytest.raises(FileNotFoundError, match="found none at"):
+        Runs.read(tmp_path / "none.npz", runs.grid, 1e-6, False)
+    with pytest.raises(ValueError, match="found others"):
+        Runs.read(file, Grid.of(problem, over | {"t1": [1.0, 2.5]}, False), 1e-6, False)
+    with pytest.raises(ValueError, match=r"of shape \(3,\)"):
+        Runs.read(file, Grid.of(problem, over | {"t1": [1.0, 2.0, 2.5]}, False), 1e-6, False)
+    with pytest.raises(ValueError, match="with 'index'"):
+        Runs.read(file, runs.grid, 1e-6, True)
+    loose = ao.Problem(
+        systems.oscillator(), ao.Event(0.0, [0.0]), ao.Event(None, [1.0]), energy=1.0
+    )
+    with pytest.raises(ValueError, match="found more to be found"):
+        Runs.read(file, Grid.of(loose, {("end", "x"): [0.5]}, False), 1e-6, False)

@@ -1,6 +1,7 @@
 """Paths with accelerations along obstacles: moments and arcs of contact, impulses, index."""
 
 import pickle
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -8,7 +9,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import actionopt as ao
-from actionopt.discrete.contact_times import contact_edges, slips, with_contact_times
+from actionopt.discrete.contact_times import (
+    ContactEquations,
+    contact_edges,
+    slips,
+    with_contact_times,
+)
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
 from actionopt.discrete.mesh import Mesh
@@ -16,6 +22,7 @@ from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
+from actionopt.solver.touching import Touching
 
 SPLINE = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0])
 BEAM = ao.System(
@@ -689,3 +696,35 @@ def test_contacts_are_revised(load, floor, start, end, kinds):
     nu = A * w**4 * np.sin(w * t + phase) + load
     assert nu.min() > 0 and found.contact_force(t)[0] == pytest.approx(nu, rel=1e-4, abs=1e-3)
     assert found.morse_index == 0 and found.compare().agrees
+
+
+def test_parts_in_contact_become_one_where_what_is_between_them_vanishes():
+    def merged(a, b, *arcs, fixed=()):
+        at = SimpleNamespace(contact_problem=SimpleNamespace(fixed_times=fixed, arcs=arcs))
+        return Touching._merge(at, a, b)
+
+    arcs = Arc(0, 1.0, 2.0), Arc(0, 2.5, 3.0), Arc(1, 2.1, 4.0)
+    assert merged(2.0, 2.5, *arcs) == (Arc(0, 1.0, 3.0), arcs[2])
+    assert merged(1.0, 2.0, arcs[0]) == (Arc(0, 1.5, 1.5),)
+    assert merged(1.0, 2.0, arcs[0], fixed=(2.0,)) == (Arc(0, 2.0, 2.0),)
+    assert merged(2.5, 3.0, *arcs[:2], fixed=(2.5,)) == (arcs[0], Arc(0, 2.5, 2.5))
+
+
+def test_equations_of_times_of_contact_have_their_derivative_and_follow_the_events():
+    """A straight line to a disc, along it and off again; in twice the time, at twice the times."""
+    disc = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
+
+    def problem(T):
+        return ao.Problem(disc, ao.Event(0.0, [-2.0, 0.1]), ao.Event(T, [2.0, 0.1]))
+
+    at = ao.solve(problem(1.0)).discrete
+    equations = ContactEquations(at.tr)
+    y = np.r_[at.z, np.zeros(2)]
+    assert equations.layout.size == y.size and np.abs(equations.residual(y)).max() < 1e-6
+    step = 1e-6 * np.random.default_rng(0).standard_normal(y.size)
+    change = (equations.residual(y + step) - equations.residual(y - step)) / 2
+    found = full(equations.layout, equations.kkt(y)) @ step
+    np.testing.assert_allclose(found, change, atol=1e-6 * np.abs(change).max())
+    np.testing.assert_allclose(equations.of(problem(2.0)).times, 2 * equations.times)
+    gone = np.r_[at.z, 1.0, 0.0]  # the arc begins after its end
+    assert np.isnan(equations.residual(gone)).all()
