@@ -491,11 +491,8 @@ def test_times_far_from_zero(t0):
 
 
 def test_where_a_motion_can_be_begun_again():
-    parts = SimpleNamespace(
-        mesh=SimpleNamespace(boundaries=np.array([0.0, 1.0, 2.0, 3.0, 4.0])),
-        kinked=np.array([False, True, True, False]),
-    )
-    parts.smooth = lambda t: ~parts.kinked[t.astype(int)]
+    mesh, kinked = SimpleNamespace(boundaries=np.arange(5.0)), np.array([0, 1, 1, 0], dtype=bool)
+    parts = SimpleNamespace(mesh=mesh, kinked=kinked, smooth=lambda t: ~kinked[t.astype(int)])
     assert _Parts.cut(parts, 0.0, 1.0) == pytest.approx(KINK_CUT)
     assert _Parts.cut(parts, 1.0, 4.0) == 3.5
     assert _Parts.cut(parts, 1.0, 3.2) is None

@@ -96,12 +96,7 @@ def test_a_small_swing_of_many_links_near_a_resonance(links):
 
 
 def test_modes_take_turns():
-    held = _Held(
-        np.zeros(2),
-        np.array([[1.0, 2.0, 3.0]]),
-        np.array([4.0, 5.0, 6.0]),
-        np.array([2.0, 5.0, 3.0]),
-    )
+    held = _Held(np.zeros(2), *(np.array(x) for x in ([[1, 2, 3]], [4, 5, 6], [2, 5, 3])))
     turned = held.next()
     assert (held.root, turned.root, turned.next().root) == (-2.0, -1.0, -2.0)
     assert turned.modes.tolist() == [[2.0, 3.0, 1.0]] and turned.z is held.z

@@ -7,6 +7,7 @@ import helpers
 import matplotlib
 import numpy as np
 import pytest
+import systems
 from matplotlib import pyplot
 from matplotlib.text import Text
 from matplotlib.tri import Triangulation
@@ -549,9 +550,8 @@ def test_where_paths_stand_on_a_landscape():
     s = ao.solve(ao.Problem(systems.pendulum(), ao.Event(0.0, [0.5]), ao.Event(2.0, [-0.3])))
     chosen, modes = telling(s)
     t = np.linspace(0, 2.0, 30)
-    q = s(t) + np.stack(
-        [0.1 * modes[chosen[0]](t), 0.2 * modes[chosen[0]](t) - 0.3 * modes[chosen[1]](t)]
-    )
+    one, other = (modes[k](t) for k in chosen)
+    q = s(t) + np.stack([0.1 * one, 0.2 * one - 0.3 * other])
     np.testing.assert_allclose(over_modes(s, t, q), [[0.1, 0.0], [0.2, -0.3]], atol=1e-9)
 
 

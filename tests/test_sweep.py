@@ -751,8 +751,7 @@ def test_a_sweep_is_read_back_from_its_file(tmp_path):
         Runs.read(file, Grid.of(problem, over | {"t1": [1.0, 2.0, 2.5]}, False), 1e-6, False)
     with pytest.raises(ValueError, match="with 'index'"):
         Runs.read(file, runs.grid, 1e-6, True)
-    loose = ao.Problem(
-        systems.oscillator(), ao.Event(0.0, [0.0]), ao.Event(None, [1.0]), energy=1.0
-    )
+    ends = ao.Event(0.0, [0.0]), ao.Event(None, [1.0])
+    loose = ao.Problem(systems.oscillator(), *ends, energy=1.0)
     with pytest.raises(ValueError, match="found more to be found"):
         Runs.read(file, Grid.of(loose, {("end", "x"): [0.5]}, False), 1e-6, False)
