@@ -15,6 +15,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.families import batch, budget
 from actionopt.families.batch import member, solve_run
 from actionopt.families.common_mesh import denser
+from actionopt.families.members import checked_columns
 from actionopt.families.scheduling import Front, weights
 from actionopt.mechanics.columns import Columns
 from actionopt.solver import stacked_newton
@@ -324,3 +325,23 @@ def test_the_front_comes_to_everyone_and_goes_no_farther_than_it_is_let():
         tried += chosen.size
         lost.note_solved(chosen.size, 0)
     assert tried <= 4 * 199
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({}, "at least one quantity that differs, found none"),
+        ({"t1": 1.0}, "expected a row of finite values of 't1', found 1.0"),
+        ({"t1": [1.0, np.inf]}, "a row of finite values"),
+        ({"t1": [1.0, 2.0], "t0": [0.0]}, "as many values of 't0' as of others, found 1"),
+        ({"mass": [1.0]}, "found 'mass'; the parameters are none, the coordinates x"),
+        ({("end", "y"): [1.0]}, "found .'end', 'y'."),
+        ({("start", "x"): [1.0]}, "found .'start', 'x'."),
+    ],
+)
+def test_columns_that_name_nothing_are_refused(columns, words):
+    problem = ao.Problem(systems.particle(), ao.Event(0.0, [None]), ao.Event(1.0, [1.0]))
+    with pytest.raises(ValueError, match=words):
+        checked_columns(problem, columns)
+    found = checked_columns(problem, {("end", "x"): [1, 2], "t1": [1.0, 2.0]})
+    assert [x.tolist() for x in found.values()] == [[1.0, 2.0]] * 2

@@ -8,7 +8,7 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.tools.blas import cholesky, one_thread, thread_count
+from actionopt.tools.blas import by_each, cholesky, one_thread, thread_count
 
 OSCILLATOR = systems.oscillator()
 PROBLEM = ao.Problem(OSCILLATOR, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5]))
@@ -87,3 +87,10 @@ def test_positive_definite_matrices_are_solved_from_their_factor(monkeypatch, kn
         A[-1, -1] -= 1 / np.linalg.inv(A)[-1, -1] * (1 + 1e-6)  # which makes it just indefinite
         with pytest.raises(np.linalg.LinAlgError):
             cholesky(A)
+
+
+def test_a_matrix_times_each_of_a_stack():
+    random = np.random.default_rng(0)
+    for count in (2, 400):
+        matrix, stack = random.standard_normal((3, 4)), random.standard_normal((count, 4, 2))
+        np.testing.assert_allclose(by_each(matrix, stack), matrix @ stack, atol=1e-14)

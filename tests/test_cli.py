@@ -1,5 +1,6 @@
 """The command line, as a user meets it."""
 
+import argparse
 import dataclasses
 import json
 import math
@@ -13,7 +14,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.cli import main
+from actionopt.cli import main, question, sweeping
 
 OWN = """
 import actionopt as ao
@@ -517,3 +518,10 @@ def test_what_was_found_is_told(capsys):
     found = solved(capsys, "dido", "--no-compare")
     assert found["kappa"] == pytest.approx([-np.pi]) and found["events"][0]["event"] == "end"
     assert "duration" not in found
+
+
+def test_a_shell_completes_scenes_and_a_sweep_is_tried_again_from_a_file():
+    assert question._scenes(prefix="p") == scenes.SCENES
+    assert sweeping._file_of_runs("a.npz") == "a.npz"
+    with pytest.raises(argparse.ArgumentTypeError, match="actionopt sweep kepler --retry"):
+        sweeping._file_of_runs("kepler")

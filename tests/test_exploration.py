@@ -8,7 +8,14 @@ from scipy.interpolate import CubicSpline
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.plot.data.exploration import CONJUGATE, begin, bend, lasting, to_solution
+from actionopt.plot.data.exploration import (
+    CONJUGATE,
+    begin,
+    bend,
+    lasting,
+    restart,
+    to_solution,
+)
 from actionopt.plot.data.trial import KNOT_SPANS, knots, move_node, straight
 
 T, W = 2.5, 1.3  # the oscillator's duration, and its frequency
@@ -238,3 +245,11 @@ def test_with_forces_that_have_no_potential_there_is_no_index():
     now = lasting(begin(scenes.get("damped_oscillator").problem), 3.0)
     assert now.verdict is None and now.motion.times == []
     assert now.stationary.slope <= 1e-8
+
+
+def test_it_begins_again_with_the_straight_line():
+    spring = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x"])
+    now = begin(ao.Problem(spring, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])))
+    solved = to_solution(now)
+    assert np.abs(solved.trial.Q - now.trial.Q).max() > 0.01
+    np.testing.assert_array_equal(restart(solved).trial.Q, now.trial.Q)

@@ -154,3 +154,8 @@ def test_what_a_lagrangian_prints_are_its_symbols():
 
     ao.System(lagrangian, ["x", "y"])
     assert seen[0] == "[q_0, q_1] v_0 t"
+
+
+def test_a_list_of_numbers_times_expressions():
+    system = ao.System(lambda q, v, t: [1.0, 2.0] @ v + v @ v / 2, ["x", "y"])
+    assert system.momentum([0.0, 0.0], [0.0, 0.0], 0.0).tolist() == [1.0, 2.0]

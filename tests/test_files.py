@@ -78,3 +78,9 @@ def test_a_missing_folder_is_named_before_anything_is_done(tmp_path):
         with pytest.raises(FileNotFoundError, match=r"nowhere/page.txt' in, found none; make it"):
             enter(file)
     assert ready("page.txt") == Path("page.txt")  # here
+
+
+def test_a_file_that_cannot_be_written_is_named_as_it_was_given(tmp_path):
+    with pytest.raises(OSError, match="No space") as told, whole(tmp_path / "a.txt") as part:
+        raise OSError(28, "No space left", str(part))
+    assert told.value.filename == str(tmp_path / "a.txt")

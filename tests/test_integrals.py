@@ -479,3 +479,35 @@ def test_first_waves_have_the_integral_that_is_given():
     for path in found:
         assert path(np.array([0.0, 2.0])) == pytest.approx(np.array([[0.0, 0.4]]), abs=1e-12)
         assert weights @ np.hypot(1, path.velocity(x + 1)[0]) == pytest.approx(2.6, rel=1e-2)
+
+
+def length(q, v, t):
+    return np.sqrt(v @ v)
+
+
+def line(integral, value, **more):
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], integral=integral)
+    return ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(2.0, [3.0, 4.0]), integral=value)
+
+
+@pytest.mark.parametrize(
+    ("integral", "value", "words"),
+    [
+        (lambda q, v, t: np.sqrt(v @ v), 4.9, "found 4.9 and no such path: the least is 5, along"),
+        (
+            lambda q, v, t: -np.sqrt(v @ v),
+            -4.9,
+            "the largest is -5, along the straight line, and none has",
+        ),
+        (lambda q, v, t: v @ v, 12.5, "found 12.5, the least, which the straight line has alone"),
+    ],
+)
+def test_integrals_that_no_path_has_are_refused(integral, value, words):
+    with pytest.raises(ValueError, match=words):
+        check_integrals(line(integral, value))
+
+
+def test_integrals_that_paths_have_pass():
+    check_integrals(line(length, 5.1))
+    check_integrals(line(lambda q, v, t: v[0] ** 3, 1.0))  # neither convex nor concave
+    check_integrals(line(lambda q, v, t: q @ q, 0.1))  # of places

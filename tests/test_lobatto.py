@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legder, legval
 
-from actionopt.tools.lobatto import legendre, lgl, open_rule
+from actionopt.tools.lobatto import CLOSED, legendre, lgl, open_rule
 
 EPS = np.finfo(float).eps
 DEGREES = [1, 2, 3, 4, 8, 16, 33, 64]
@@ -115,3 +115,8 @@ def test_open_rules_sum_polynomials_and_never_look_at_open_ends(degree, ends):
     assert np.abs(rule.interpolation(x) @ values - legval(x, series)).max() < 1e-13
     assert np.abs(rule.slopes(x) @ values - legval(x, slope)).max() < 1e-13 * degree**2
     assert np.abs(rule.derivative @ values - legval(rule.nodes, slope)).max() < 1e-13 * degree**2
+
+
+def test_a_rule_between_two_open_ends_has_two_nodes():
+    with pytest.raises(ValueError, match="a degree of 2 at least between two open ends, found 1"):
+        open_rule(1, (CLOSED + 1, CLOSED + 1))

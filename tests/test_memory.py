@@ -4,10 +4,12 @@ import os
 import platform
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from actionopt.tools import memory
 from actionopt.tools.memory import give_back
 
 TOGETHER = """
@@ -51,3 +53,18 @@ def test_what_lies_free_among_what_is_used_is_given_back():
     give_back()
     assert before - resident() > 2e7
     assert all(array.all() for array in held)
+
+
+def test_memory_is_kept_where_glibc_is_told_of_it(monkeypatch):
+    told = []
+    library = SimpleNamespace(mallopt=lambda *given: told.append(given))
+    monkeypatch.setattr(memory.ctypes, "CDLL", lambda name: library)
+    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "1")
+    memory.keep_memory.__wrapped__()
+    assert told == [(memory.MAP, memory.LEARNED), (memory.TRIM, 2 * memory.LEARNED)]
+    monkeypatch.delenv("MALLOC_TRIM_THRESHOLD_")
+    memory.keep_memory.__wrapped__()
+    del library.mallopt
+    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "1")
+    memory.keep_memory.__wrapped__()
+    assert len(told) == 2

@@ -5,6 +5,7 @@ from copy import deepcopy
 from itertools import pairwise
 from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 import pytest
 import systems
@@ -13,6 +14,10 @@ from helpers import a_quarter, slow
 import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
+from actionopt.families.obstacle_search import curves
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.obstacle import Arc
+from actionopt.mechanics.switches import minimum_parts
 from actionopt.solver import first_contacts, free_contact, least_along
 from actionopt.solver.first_contacts import other_sides
 from actionopt.tools.watch import OutOfTime
@@ -1204,3 +1209,53 @@ def test_the_action_of_a_polygon_is_that_along_its_sides():
     polygon = ao.Path(ao.Mesh([0.0, 1.0, 3.0], 1), np.array([[0.0, 1.0, 2.0], [0.0, 4.0, 1.0]]))
     exact = (1 + 16) / 2 + (1 + 9) / 4 - 10.31 * 2 - 2 * 11.81 * 2.5  # by its middles
     assert least_along._action_of(problem, polygon) == pytest.approx(exact, rel=1e-14)
+
+
+def test_first_curves_round_an_obstacle_go_to_all_sides():
+    disc = systems.particle("x y", obstacle=lambda q, t: q @ q - 1)
+    problem = ao.Problem(disc, ao.Event(0.0, [-2.0, 0.1]), ao.Event(1.0, [2.0, 0.1]))
+    found = curves(problem, 2, 0)
+    assert found[0] is None
+    drawn, t = found[-4:], np.linspace(0, 1, 9)
+    chord = np.array([-2.0, 0.1])[:, None] + np.array([4.0, 0.0])[:, None] * t
+    for one, other in zip(drawn[::2], drawn[1::2], strict=True):
+        np.testing.assert_allclose((one(t) + other(t)) / 2, chord, atol=1e-12)
+        np.testing.assert_allclose(one([0.0, 1.0]), chord[:, [0, -1]], atol=1e-12)
+    past = sorted(f(0.5)[1] for f in found[1:3])
+    assert past[0] < -1.0 and past[1] > 1.0
+
+
+PLACE = ca.SX.sym("q", 2)
+X, Y = ca.vertsplit(PLACE)
+
+
+@pytest.mark.parametrize(
+    ("row", "count"),
+    [
+        (ca.fmin(X, Y), 2),
+        (2 * ca.fmin(X, Y) + ca.fmin(X - 1, 3 * Y), 4),
+        (-ca.fmax(X, -Y), 2),
+        (Y - ca.fabs(X), 2),
+        (Y - ca.fmax(X, ca.fmin(2 * X, -X)) / 2, 2),
+        (ca.fmin(X, Y) * -2, 1),
+        (ca.fmax(X, Y), 1),
+        (ca.fmin(X, 1.0), 1),
+        (1 - ca.sumsqr(PLACE), 1),
+    ],
+)
+def test_a_row_is_the_minimum_of_its_parts(row, count):
+    s = SimpleNamespace(q=PLACE, t=ca.SX.sym("t"), p=ca.SX.sym("p", 0))
+    parts = minimum_parts(row, s)
+    both = ca.Function("both", [PLACE], [row, ca.mmin(ca.vertcat(*parts))])
+    known, found = both.map(50)(np.random.default_rng(0).standard_normal((2, 50)))
+    np.testing.assert_allclose(found, known, atol=1e-14)
+    assert len(parts) == count
+
+
+def test_parts_in_contact_travel():
+    disc = systems.particle("x y", obstacle=lambda q, t: q @ q - 1)
+    problem = ao.Problem(disc, ao.Event(0.0, [-2.0, 0.1]), ao.Event(1.0, [2.0, 0.1]))
+    held = Held(problem, (Arc(0, 0.4, 0.6),))
+    make, given = held.__reduce__()
+    made = make(*given)
+    assert (made.arcs, made.free, made.sought) == (held.arcs, problem, held.sought)

@@ -560,3 +560,14 @@ def test_motions_are_changed_until_they_close(given):
     np.testing.assert_allclose(q[:, 0], q0, atol=1e-4)
     if given is None:
         np.testing.assert_allclose(v[:, 0], v0, atol=1e-4)
+
+
+def test_multipliers_need_independent_coordinates_and_no_places_on_the_way():
+    rod = systems.particle("x y", constraint=lambda q, t: q @ q - 1)
+    s = ao.solve(ao.Problem(rod, ao.Event(0.0, [1.0, 0.0]), ao.Event(1.0, [0.0, 1.0])))
+    with pytest.raises(ValueError, match="without constraints"):
+        ao.monodromy(s)
+    start, way, end = (ao.Event(t, [x]) for t, x in ((0.0, 0.0), (1.0, 1.0), (2.0, 0.0)))
+    s = ao.solve(ao.Problem(systems.particle(), start, end, through=[way]))
+    with pytest.raises(ValueError, match="events between the ends that leave the path"):
+        ao.monodromy(s)

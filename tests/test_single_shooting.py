@@ -7,7 +7,7 @@ import systems
 import actionopt as ao
 from actionopt.analysis import shooting
 from actionopt.analysis.shooting import integrate
-from actionopt.solver.single_shooting import SPANS, MissUnits, arrivals, misses
+from actionopt.solver.single_shooting import SPANS, MissUnits, _aim, arrivals, misses
 
 SPRING = systems.oscillator()
 
@@ -133,3 +133,24 @@ def test_a_motion_that_collides_takes_no_steps_from_the_others():
     q0 = np.array([[0.4] * 3, [0.0] * 3])
     _, last = shooting.flights(problem, q0, v0, (2.0, 9.0))
     assert last[0].times[-1] < 0.2 and [f.times[-1] for f in last[1:]] == [9.0, 9.0]
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_random_velocities_keep_the_constraints(n):
+    system = systems.particle("x y z"[: 2 * n - 1], constraint=lambda q, t: q @ q - (1 + t) ** 2)
+    q = np.eye(n)[0]
+    problem = ao.Problem(system, ao.Event(0.0, q), ao.Event(1.0, -2 * q))
+    v = shooting.in_directions(problem, np.full((1, 5), 3.0), np.random.default_rng(0))
+    np.testing.assert_allclose(q @ v, np.ones(5))  # q.v = (1 + t) of a sphere that grows
+    free = ao.Problem(systems.particle("x y z"[: 2 * n - 1]), ao.Event(0.0, q), ao.Event(1.0, -q))
+    speeds = np.array([[1.0, 2.0, 3.0]])
+    v = shooting.in_directions(free, speeds, np.random.default_rng(0))
+    np.testing.assert_allclose(np.linalg.norm(v, axis=0), speeds[0])
+    assert np.ptp(v / speeds, axis=1).min() > 0.1
+
+
+def test_motions_are_aimed_at_an_end_from_a_free_start():
+    problem = ao.Problem(systems.oscillator(), ao.Event(0.0, [None]), ao.Event(1.0, [1.0]))
+    fixed = ao.Problem(systems.oscillator(), ao.Event(0.0, [1.0]), ao.Event(1.0, [1.0]))
+    path = next(_aim(problem, [fixed], np.ones(1), None))
+    np.testing.assert_allclose(path([0.0, 1.0])[0], [1 / np.cos(1), 1.0], atol=1e-4)

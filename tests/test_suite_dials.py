@@ -11,7 +11,7 @@ from actionopt import suite
 from actionopt.cli import main
 from actionopt.suite import dial_report, profile, runner
 from actionopt.suite.commands import _on_dials
-from actionopt.suite.dials import DIALS
+from actionopt.suite.dials import DIALS, Dial
 
 ECCENTRICITY = DIALS["eccentricity"]
 
@@ -141,3 +141,11 @@ def test_values_over_more_than_a_decade_and_a_half_are_drawn_by_their_logarithms
     dial = SimpleNamespace(values=values, parameter="k", name="k")
     dial_report._figure({}, Path(), dial)
     assert found == scales
+
+
+def test_a_dial_yields_its_members():
+    dial = Dial("far", "pendulum", "duration", (1.0, 2.0), 2, 3, "straight", "time")
+    (a, one), (b, two) = dial.members()
+    assert (a, b) == (1.0, 2.0)
+    assert (one.transcription.mesh.duration, two.transcription.mesh.duration) == (1.0, 2.0)
+    assert one.transcription.mesh.elements == 2

@@ -729,3 +729,11 @@ def test_what_a_model_is_by_itself():
     box = suite.model("shooting")
     assert box.variable_names == [f"x[{k}]" for k in range(box.n)] and box.constraint_names == []
     assert (box.least_violation, box.lowest < np.inf) == (0.0, True)
+
+
+def test_score_is_the_part_of_ways_that_are_found(monkeypatch):
+    known = {(k,): SimpleNamespace(x=np.array([float(k)])) for k in range(4)}
+    monkeypatch.setattr("actionopt.suite.ways.ways", lambda problem: known)
+    problem = SimpleNamespace(distance=lambda x, y: abs(float(x[0] - y[0])))
+    assert score(problem, [np.array([1.0005]), np.array([2.5]), np.array([3.0])]) == 0.5
+    assert score(problem, [np.array([2.5])], reach=0.5) == 0.5

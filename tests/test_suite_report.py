@@ -3,6 +3,7 @@
 import re
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from helpers import record
 
 from actionopt import suite
 from actionopt.plot import profiles
-from actionopt.suite import known, profile
+from actionopt.suite import known, profile, report
+from actionopt.suite.page import figure
 from actionopt.suite.report import write
 from actionopt.suite.runner import load
 
@@ -214,3 +216,16 @@ def test_what_is_published_is_what_the_records_say(tmp_path, monkeypatch):
 def lowest(name, elements, degree):
     """Return the least f known of a minimum."""
     return suite.get(name, elements, degree).lowest
+
+
+def test_a_figure_stands_beside_its_page(tmp_path, monkeypatch):
+    saved = []
+    monkeypatch.setattr("actionopt.plot.profiles.save", lambda ax, file: saved.append((ax, file)))
+    assert figure(3, tmp_path, "a", "b & c") == '<p><img src="a.svg" alt="b &amp; c"></p>'
+    assert saved == [(3, tmp_path / "a.svg")]
+    steps = {"s": SimpleNamespace()}
+    drawn = "actionopt.plot.profiles.profiles"
+    monkeypatch.setattr(drawn, lambda given, xlabel, least: (given, xlabel, least))
+    shown = report._figure(steps, tmp_path, "d", "time", 0.1)
+    assert shown.startswith('<p><img src="d.svg" alt="time"')
+    assert saved[-1] == ((steps, "time", 0.1), tmp_path / "d.svg")

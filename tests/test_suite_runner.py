@@ -418,3 +418,23 @@ def test_the_command_for_problems_of_a_tag(tmp_path, capsys, at_home):
     assert "oscillator_stiff" not in (tmp_path / "coarse.jsonl").read_text()
     assert main([*coarse, "--problem", "oscillator_stiff", "-o", str(tmp_path / "none")]) == 1
     assert "use more elements" in capsys.readouterr().err
+
+
+def test_a_process_writes_what_its_function_returns(tmp_path):
+    process.main("math:hypot", "[3, 4]", str(tmp_path / "out"))
+    assert (tmp_path / "out").read_text() == "5.0"
+    assert process.function("os.path:basename")("a/b") == "b"
+    before = process.process_time()
+    assert process.processor_time() >= before
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "words"),
+    [
+        (-9, "first\nlast\n", "the process died with signal SIGKILL; last"),
+        (3, "", "the process died with exit code 3; "),
+    ],
+)
+def test_how_a_process_died_is_told(code, said, words):
+    error = process.Died(code, said)
+    assert (str(error), error.said) == (words, said)
