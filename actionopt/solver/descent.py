@@ -154,16 +154,17 @@ def falls_from(tr: Transcription, saddle: Array, away: Array) -> bool:
                 away *= OFF_SADDLE / np.abs(away).max()
                 away = away - metric.solve(tr.gradient(saddle + away) - gradient)
         away *= OFF_SADDLE / np.abs(away).max()
-        sides = [side for side in (away, -away) if tr.action(saddle + side) < tr.action(saddle)]
+        here = tr.action_alone(saddle)
+        sides = [side for side in (away, -away) if tr.action_alone(saddle + side) < here]
         return any(_falls(tr, saddle, side) for side in sides)
 
 
 def _falls(tr: Transcription, first: Array, away: Array) -> bool:
     """Whether S falls beyond `away` from a path, each step twice as far, until it has run away."""
-    action = tr.action(first + away)
+    action = tr.action_alone(first + away)
     while np.abs(first + away).max() < RUNAWAY:
         away = 2 * away
-        before, action = action, tr.action(first + away)
+        before, action = action, tr.action_alone(first + away)
         if not action < before:
             return False
     return True
