@@ -28,9 +28,8 @@ from actionopt.solver.first_contacts import ACROSS, rows_along, runs, sample_tim
 from actionopt.tools.types import EPS, Array
 
 ANGLE = np.pi / 12  # by which a normal is turned at once; ad hoc
-# of Newton's method to a point, and a step that is the last, in absolute terms or of the first one:
-# the next would be its square
-SUPPORT_STEPS, LAST_SUPPORT_STEP, LAST_SUPPORT_PART = 12, 1e-5, 0.1
+# of Newton's method to a point, and a step that is the last: the next would be its square
+SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-5
 # of false position, to where a string comes to a body, and the cosine that is zero there
 ANGLE_STEPS, LAST_COSINE = 12, 1e-3
 PASSES = 5  # over all bodies, where there are several
@@ -68,7 +67,7 @@ class Body:
 
     def touching_point(self, x: Array, normal: Array) -> Array | None:
         """Return the point near x (n,) at which a plane of this normal (n,) touches; else None."""
-        n, mu, last = x.size, None, LAST_SUPPORT_STEP
+        n, mu = x.size, None
         K = np.zeros((n + 1, n + 1))
         for _ in range(SUPPORT_STEPS):
             f, G, H = self.at(x)
@@ -81,10 +80,8 @@ class Body:
             x, mu = x + step[:n], mu + step[n]
             if not np.isfinite(x).all() or mu <= 0:
                 return None
-            size = float(np.abs(step[:n]).max())
-            if size < last:
+            if np.abs(step[:n]).max() < LAST_SUPPORT_STEP:
                 return x
-            last = max(last, LAST_SUPPORT_PART * size)
         return None
 
     def arc_over(self, first: Array, last: Array, side: Array) -> list[tuple[Array, Array]] | None:
