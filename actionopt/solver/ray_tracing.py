@@ -247,11 +247,15 @@ class RayTracer:
         with np.errstate(all="ignore"):
             integrate(leg, state, span, steps=RAY_STEPS, track=track)
         times = np.array([t, *(x[0] for x in track)])
-        return Track(
-            times,
-            np.array([q, *(x[1].T for x in track)]),
-            np.array([v, *(x[2].T for x in track)]),
-        )
+        places = np.array([q, *(x[1].T for x in track)])
+        rates = np.array([v, *(x[2].T for x in track)])
+        # Steps that were refused go to the end: at the first one, on a surface that a motion just
+        # left, round-off would tell that it is behind it.
+        refused = np.diff(times, axis=0, prepend=-np.inf) == 0
+        order = np.where(refused, len(times) - 1, np.arange(len(times))[:, None])
+        order.sort(axis=0)
+        columns = np.arange(t.size)
+        return Track(times[order, columns], places[order, columns], rates[order, columns])
 
     def _on(self, joint: int, q: Array, t: Array) -> Array:
         """Return on of an event (...,) at q (..., n) and t (...,)."""
