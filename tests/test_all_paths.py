@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import islice, product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from actionopt import scenes
 from actionopt.analysis import shooting
 from actionopt.families import searches
 from actionopt.families.all_paths import Paths, detected_angles, solve_all
-from actionopt.families.searches import Answers
+from actionopt.families.searches import SAME_ACTION, Answers
 
 PENDULUM = systems.pendulum(g=9.81)
 
@@ -311,3 +312,18 @@ def test_velocities_that_are_tried_along_one_coordinate_go_both_ways():
     (tried,) = shooting.velocities(problem, far, 20, random)
     assert tried == pytest.approx(-tried[::-1])
     assert np.all(np.diff(tried) >= 0)
+
+
+def test_paths_of_one_family_have_the_same_action_but_under_forces():
+    def search(forced):
+        structure = SimpleNamespace(forced=forced)
+        return SimpleNamespace(problem=SimpleNamespace(system=SimpleNamespace(structure=structure)))
+
+    def path(action):
+        discrete = SimpleNamespace(tr=SimpleNamespace(action_unit=1.0))
+        return SimpleNamespace(action=action, discrete=discrete)
+
+    same = Answers._same_action
+    assert same(search(False), path(3.0), path(3.0 + SAME_ACTION))
+    assert not same(search(False), path(3.0), path(3.0 + 4 * SAME_ACTION))
+    assert same(search(True), path(3.0), path(5.0))

@@ -525,3 +525,8 @@ def test_a_shell_completes_scenes_and_a_sweep_is_tried_again_from_a_file():
     assert sweeping._file_of_runs("a.npz") == "a.npz"
     with pytest.raises(argparse.ArgumentTypeError, match="actionopt sweep kepler --retry"):
         sweeping._file_of_runs("kepler")
+
+
+@pytest.mark.parametrize(("time", "text"), [(1.0, "1 s"), (0.99, "990 ms"), (12.345, "12.3 s")])
+def test_times_are_printed(time, text):
+    assert question.seconds(time) == text

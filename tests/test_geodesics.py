@@ -8,6 +8,7 @@ import systems
 from helpers import slow
 
 import actionopt as ao
+from actionopt.mechanics.lengths import is_length
 from actionopt.solver.revisions import _nearer, stretch_to_end
 
 
@@ -234,3 +235,10 @@ def test_a_length_through_events_is_that_of_all_legs():
     s = np.linspace(0, 2, 20001)
     least = np.min(np.hypot(s, 1) + 1.5 * np.hypot(2 - s, 1))
     assert ray.length == pytest.approx(least, rel=1e-7)
+
+
+def test_a_lagrangian_that_grows_with_the_speed_is_a_length():
+    assert not is_length(ao.System(lambda q, v, a, t: a[0] ** 2, ["x"]))
+    assert not is_length(systems.particle())
+    assert is_length(ao.System(lambda q, v, t: np.sqrt(v @ v), ["x", "y"]))
+    assert not is_length(ao.System(lambda q, v, t: np.sqrt(-1 - v @ v), ["x", "y"]))

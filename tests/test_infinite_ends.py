@@ -438,3 +438,13 @@ def test_a_path_of_infinite_time_dwells_at_both_ends_of_a_window():
     problem = ao.Problem(systems.particle(), ao.Event(1.0, [0.0]), ao.Event(9.0, [1.0]))
     assert restrict_guess(Solution(), problem)(7.5) == 5.0  # the middle is at 1 + 8 * 3 / 4
     assert "may move it by 0.012, more than tol = 1e-08" in explain_short_window(1e-8, 0.0123)
+
+
+def test_a_search_has_a_longer_window_with_given_ends():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2, ["x"])
+    whole = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(np.inf, [1.0]))
+    found = for_search(whole, 1e-8)
+    assert (found.start.q, found.end.q) == ((0.0,), (1.0,)) and 5 < found.end.t < 10
+    back = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    with pytest.raises(ValueError, match="from one back to itself"):
+        for_search(ao.Problem(back, ao.Event(-np.inf, [0.0]), ao.Event(np.inf, [0.0])), 1e-8)

@@ -13,6 +13,7 @@ from scipy.special import ellipe, ellipk, mathieu_a, mathieu_b
 
 import actionopt as ao
 from actionopt.mechanics.consistency import check_integrals
+from actionopt.mechanics.course import check_free
 from actionopt.solver.waves import first_waves
 
 STRAIGHT = systems.particle(integral=lambda q, v, t: q[0])
@@ -511,3 +512,11 @@ def test_integrals_that_paths_have_pass():
     check_integrals(line(length, 5.1))
     check_integrals(line(lambda q, v, t: v[0] ** 3, 1.0))  # neither convex nor concave
     check_integrals(line(lambda q, v, t: q @ q, 0.1))  # of places
+
+
+def test_what_is_not_known_with_multipliers_that_change_is_refused():
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x"], integral=lambda q, v, t: q[0])
+    problem = ao.Problem(system, ao.Event(0, [0.0]), ao.Event(1, [0.0]), integral=1.0)
+    with pytest.raises(ValueError, match="found one: a fan is not known with multipliers"):
+        check_free(problem, "a fan")
+    check_free(ao.Problem(systems.particle(), ao.Event(0, [0.0]), ao.Event(1, [0.0])), "a fan")

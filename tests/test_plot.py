@@ -12,6 +12,8 @@ from matplotlib import pyplot
 
 import actionopt as ao
 from actionopt import plot, scenes
+from actionopt.plot.data import arguments
+from actionopt.plot.data.variations import _check_finite
 
 
 def drawn(ax, label):
@@ -218,3 +220,24 @@ def test_a_family_of_reflections_shows_the_wall():
     points = [path.vertices for c in ax.collections for path in c.get_paths() if len(path) > 50]
     radii = np.linalg.norm(np.concatenate(points), axis=1)
     assert (np.abs(radii - 1) < 1e-3).sum() > 100
+
+
+@pytest.mark.parametrize(
+    ("check", "value", "words"),
+    [
+        (arguments._positive, 0, "expected a positive number, found 0"),
+        (arguments._runs, 3, "expected the answers of a sweep, found 3"),
+        (arguments._file, 3, "expected the name of a file, found 3"),
+        (arguments._units, 3, r"expected plot.UnitNames\(time='s', ...\), found 3"),
+        (arguments._text, 3, "expected a name as text, found 3"),
+        (lambda x: _check_finite([1.0, x], "size", 7), np.inf, "size with finite actions, found 7"),
+    ],
+)
+def test_arguments_of_figures_are_refused(check, value, words):
+    with pytest.raises(ValueError, match=words):
+        check(value)
+
+
+def test_arguments_of_figures_pass():
+    passed = arguments._positive(1e-9), arguments._file("a"), arguments._text("a")
+    assert [*passed, _check_finite([1.0], "size", 1.0)] == [None] * 4

@@ -8,7 +8,7 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.solver.ray_tracing import EVENT_MISSED, RAY_SLOWER, RayTracer
+from actionopt.solver.ray_tracing import EVENT_MISSED, RAY_SLOWER, ClosedRayTracer, RayTracer
 from actionopt.solver.rays import BEST_RAYS, RaySearch
 from actionopt.solver.through import starts
 
@@ -176,3 +176,25 @@ def test_states_are_sought_between_neighbours_that_part():
     places = np.where(u > 0, u, np.nan)[:, :, None] * np.ones((1, 2, 1))
     search.add(SimpleNamespace(u=u, cost=u[:, 0] ** 2, places=places, times=0 * places[..., 0]))
     np.testing.assert_allclose(search.between(100), [[0.0]], atol=1e-12)
+
+
+def test_closed_rays_of_a_spring_and_a_wall():
+    """x'' = -x and a wall at 1: a period of 4 has v = 1 / sin((4 - pi) / 2) at 0."""
+    wall, v = ao.Bounce(lambda q, t: 3 * (1 - q[0])), 1 / np.sin((4 - np.pi) / 2)
+    spring, start = systems.oscillator(), ao.Event(0.0, [None])
+    problem = ao.Problem(spring, start, ao.Periodic(4.0), through=[wall])
+    tracer = ClosedRayTracer.of(problem, np.array([2.0]), 4.0)
+    u = np.array([[0.0, v], [0.0, 1.02 * v], [0.0, 0.5]])
+    traced = tracer.follow(u)
+    assert traced.cost[0] < 1e-3 < traced.cost[1] and traced.cost[2] > 50
+    np.testing.assert_allclose(tracer.unit, [2.0, 1.0])
+    near = tracer.bring_back(u[1:])
+    again = tracer.follow(near)
+    assert again.cost.max() < 1e-4 and len(near) == 1
+    begun = tracer.all_round(np.random.default_rng(0))
+    assert begun[:, 0].max() < 1.0 and begun.shape[1] == 2
+    energetic = ao.Problem(spring, start, ao.Periodic(None), through=[wall], energy=2.0)
+    tracer = ClosedRayTracer.of(energetic, np.array([2.0]), 4.0)
+    u = tracer.of_energy(np.array([[0.5, 0.1], [-0.5, -3.0]]))
+    np.testing.assert_allclose((u**2).sum(axis=1) / 2, [2.0, 2.0])
+    assert np.sign(u[:, 1]).tolist() == [1.0, -1.0]

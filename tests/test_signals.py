@@ -1,5 +1,7 @@
 """What ends a search from within is a verdict: prices paid, time used up, singular matrices."""
 
+import multiprocessing
+import signal
 from time import sleep
 
 import numpy as np
@@ -13,6 +15,7 @@ from actionopt.solver import strategies
 from actionopt.solver.search import EXPENSIVE, Strategy
 from actionopt.solver.solve import BY_METHOD, solve_near
 from actionopt.solver.workspace import PATIENT
+from actionopt.tools.interrupts import leave_interruptions
 from actionopt.tools.watch import OutOfTime, Spent, Watch, check_time
 
 PENDULUM = systems.pendulum(g=9.81)
@@ -197,3 +200,13 @@ def test_parts_of_a_search_have_a_price_of_their_own_and_its_time():
     outer.end = 0.0
     with pytest.raises(OutOfTime):
         inner(8)
+
+
+def test_ctrl_c_is_left_to_the_process_that_began_this_one(monkeypatch):
+    told = []
+    monkeypatch.setattr(signal, "signal", lambda *given: told.append(given))
+    leave_interruptions()
+    assert not told  # nobody began this one
+    monkeypatch.setattr(multiprocessing, "parent_process", lambda: 1)
+    leave_interruptions()
+    assert told == [(signal.SIGINT, signal.SIG_IGN)]

@@ -10,6 +10,8 @@ from helpers import solved
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, plot, scenes
 from actionopt.analysis.status import Status
+from actionopt.families.grid import Grid
+from actionopt.families.path_store import PackedPaths
 
 
 @pytest.fixture
@@ -290,3 +292,21 @@ def test_velocities_at_events_are_those_of_the_momenta():
     assert found.velocity(1.4) == pytest.approx(leave[1:], abs=1e-9)
     np.testing.assert_allclose(found.energy(times), (after**2 + places**2) / 2, atol=1e-9)
     assert np.abs(found.path.velocity(times)[0] - after).max() > 1e-6
+
+
+@pytest.fixture(scope="module")
+def swing():
+    return ao.solve(ao.Problem(systems.pendulum(), ao.Event(0.0, [0.5]), ao.Event(2.0, [-0.3])))
+
+
+def test_the_abbreviated_action_is_that_at_the_energy(swing):
+    E = swing.energy(0.0)
+    assert swing.abbreviated_action == pytest.approx(swing.action + E * 2.0, rel=1e-7)
+
+
+def test_what_is_inside_is_printed_in_a_line(swing):
+    size = swing.discrete.tr.layout.size
+    assert repr(swing.discrete) == f"DiscretePath({swing.mesh!r}, {size} unknowns and multipliers)"
+    grid = Grid.of(swing.problem, {"t1": [1.5, 2.0]}, False)
+    assert repr(grid) == "Grid(t1: 2 from 1.5 to 2)"
+    assert repr(PackedPaths.of(np.arange(2), [swing.path] * 2)) == "PackedPaths(2 paths)"

@@ -1,5 +1,6 @@
 """Models: derivatives, proofs and answers, recomputed from the functions that a solver sees."""
 
+import argparse
 import itertools
 import json
 from pathlib import Path
@@ -16,6 +17,7 @@ from actionopt import suite
 from actionopt.cli import main
 from actionopt.suite import nl, solvers
 from actionopt.suite.cell import Cell, evaluate
+from actionopt.suite.commands import _names, _problem_names
 from actionopt.suite.interfaces import (
     Cutest,
     hessian,
@@ -23,13 +25,14 @@ from actionopt.suite.interfaces import (
     least_squares_arguments,
     scipy_arguments,
 )
+from actionopt.suite.models import control, fields, small
 from actionopt.suite.models.fits import largest_residual
 from actionopt.suite.models.floors import contact_changes
 from actionopt.suite.models.model import KnownAnswer, WrittenModel
 from actionopt.suite.models.slides import continuous_speeds, least_time
 from actionopt.suite.saddle_search import dimer, elastic_band
 from actionopt.suite.sequence import compare, in_force, steps
-from actionopt.suite.verdict import verdict
+from actionopt.suite.verdict import _finite, verdict
 from actionopt.suite.ways import score, ways
 
 INFEASIBLE = [name for name in suite.MODELS if suite.model(name).infeasible]
@@ -737,3 +740,49 @@ def test_score_is_the_part_of_ways_that_are_found(monkeypatch):
     problem = SimpleNamespace(distance=lambda x, y: abs(float(x[0] - y[0])))
     assert score(problem, [np.array([1.0005]), np.array([2.5]), np.array([3.0])]) == 0.5
     assert score(problem, [np.array([2.5])], reach=0.5) == 0.5
+
+
+@pytest.mark.parametrize(
+    ("check", "value", "words"),
+    [
+        (lambda x: small._whole(x, "links"), 1, "expected 2 to 20 links, found 1"),
+        (lambda x: small._whole(x, "links"), 21, "found 21"),
+        (lambda x: small._whole(x, "links"), 2.5, "found 2.5"),
+        (fields._cells, 2, "at least 3, found 2"),
+        (fields._cells, 3.5, "found 3.5"),
+        (control.check_elements, 1, "at least 2, found 1"),
+        (control.check_elements, 2.5, "found 2.5"),
+        (suite.get, "pendulums", "unknown test problem 'pendulums'.*pendulum"),
+    ],
+)
+def test_sizes_of_models_are_refused(check, value, words):
+    with pytest.raises(ValueError, match=words):
+        check(value)
+
+
+def test_sizes_of_models_pass():
+    assert (small._whole(2, "links"), small._whole(20.0, "links")) == (2, 20)
+    assert (fields._cells(3.0), control.check_elements(2)) == (3, 2)
+    assert (_finite(1.0), _finite(np.nan)) == (1.0, None)
+
+
+def test_names_that_a_command_is_about():
+    def names(call, **given):
+        known = {
+            "problem": [],
+            "models": False,
+            "tag": [],
+            "degree": None,
+            "set": [],
+            "start": None,
+        }
+        return call(argparse.Namespace(**known | {"elements": None} | given))
+
+    assert names(_names, problem=["pendulum", "shooting"]) == ["pendulum", "shooting"]
+    assert names(_names, problem=["shooting"], models=True) == ["shooting"]
+    assert names(_names, problem=["shooting"], models=True, tag=["infeasible"]) == []
+    with pytest.raises(ValueError, match="nothing"):
+        names(_names, problem=["nothing"])
+    assert names(_problem_names, problem=["pendulum"], elements=4) == ["pendulum"]
+    with pytest.raises(ValueError, match="found 'bent'"):
+        names(_problem_names, problem=["pendulum"], start="bent")

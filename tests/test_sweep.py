@@ -25,6 +25,7 @@ from actionopt import Event, Periodic, Problem, System, scenes
 from actionopt.families import batch, budget
 from actionopt.families import sweep as module
 from actionopt.families.grid import Grid
+from actionopt.families.retry import check_sent
 from actionopt.families.runs import Runs
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
@@ -755,3 +756,9 @@ def test_a_sweep_is_read_back_from_its_file(tmp_path):
     loose = ao.Problem(systems.oscillator(), *ends, energy=1.0)
     with pytest.raises(ValueError, match="found more to be found"):
         Runs.read(file, Grid.of(loose, {("end", "x"): [0.5]}, False), 1e-6, False)
+
+
+def test_a_guess_that_no_process_can_be_sent_is_refused():
+    check_sent(np.cos)
+    with pytest.raises(ValueError, match="expected a guess that can be pickled"):
+        check_sent(lambda t: t)

@@ -5,6 +5,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers import a_quarter
 from matplotlib.backends.backend_svg import RendererSVG
@@ -28,7 +29,7 @@ from actionopt.plot.live import as_found, film
 from actionopt.plot.live.page import STATIC
 from actionopt.plot.live.words import PAGE_WORDS
 from actionopt.tools.document import document
-from actionopt.tools.words import SPOKEN, TABLES, language, say, table
+from actionopt.tools.words import SPOKEN, TABLES, language, number, say, table
 
 NOT_IN_PAGES = ("_explore.py", "_explore_parts.py")
 OTHERS = [name for name in SPOKEN if name != "en"]
@@ -210,3 +211,7 @@ def test_a_live_page_speaks_one_language(name, tmp_path):
     assert f'<html lang="{name}">' in html
     text = re.sub(r"(?s)<script.*?</script>|<style.*?</style>|<[^>]*>", " ", html)
     assert not re.search(r"\b(the|from|which|path|motion)\b", text, re.I)
+
+
+def test_a_number_that_is_none_is_a_dash():
+    assert number(np.nan) == number(-np.inf) == "\N{EM DASH}" and number(-0.0) == "0"
