@@ -9,6 +9,8 @@ import pytest
 import actionopt as ao
 from actionopt.analysis import modes
 from actionopt.analysis.assembled import assemble
+from actionopt.analysis.jacobi import resolve
+from actionopt.discrete.discrete_path import DiscretePath
 
 N, T = 30, 2.0
 MODES = np.sin(np.pi * np.outer(np.arange(1, N + 1), np.arange(1, N + 1)) / (N + 1))
@@ -105,3 +107,18 @@ def test_a_sparse_matrix_solves_above_its_lowest_eigenvalue_only():
     solve = sparse.solver(1.0)
     np.testing.assert_allclose((matrix - np.eye(3)) @ solve(block), block, atol=1e-12)
     assert sparse.solver(2.0) is None
+
+
+def test_a_form_less_a_mass_is_that_of_a_stiffer_spring():
+    """d2S of w^2 = 1 less a mass of 3 is d2S of w^2 = 4, on each element."""
+    path = ao.Path.interpolate(lambda t: t[None], ao.Mesh.uniform(0, 1, 2, 6))
+    ends, forms = (ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), []
+    for k in (1.0, 4.0):
+        spring = ao.System(lambda q, v, t, k=k: (v @ v - k * q @ q) / 2, ["x"])
+        at = DiscretePath.of(ao.Problem(spring, *ends), path)
+        forms.append(resolve(at, 1e-8, 1e-8))
+    one, four = forms
+    for found, exact in zip(one.shifted(mass=3.0), four.elements, strict=True):
+        np.testing.assert_allclose(found, exact, atol=1e-9)
+    less = zip(one.shifted(kinetic=0.5), one.elements, one.kinetic, strict=True)
+    assert all(np.array_equal(found, whole - part / 2) for found, whole, part in less)

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis.conjugate import conjugate_points
+from actionopt.analysis.full_form import _at
 
 TIME_TOLERANCE = 1e-8  # relative to the duration: what conjugate points are promised to
 
@@ -249,3 +250,8 @@ def test_conjugate_points_number_the_index_of_a_path_through_events(k):
     problem = ao.Problem(fall, ao.Event(0, a), ao.Event(4, b), through=between)
     found = ao.solve(problem, tol=1e-9)
     assert len(times_of(found)) == found.morse_index
+
+
+def test_an_event_keeps_its_time_or_gets_the_one_found():
+    assert _at(ao.Event(1.0, [0.0]), 2.0).t == 1.0
+    assert _at(ao.Event(None, [0.0]), 2.0).t == 2.0

@@ -159,3 +159,9 @@ def test_what_a_lagrangian_prints_are_its_symbols():
 def test_a_list_of_numbers_times_expressions():
     system = ao.System(lambda q, v, t: [1.0, 2.0] @ v + v @ v / 2, ["x", "y"])
     assert system.momentum([0.0, 0.0], [0.0, 0.0], 0.0).tolist() == [1.0, 2.0]
+
+
+def test_a_transpose_of_a_row_is_the_row():
+    assert Expressions(ca.SX.sym("a", 2, 3), 2).T.shape == (3, 2)
+    row = Expressions(ca.SX.sym("a", 3), 1)
+    assert row.T is row

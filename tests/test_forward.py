@@ -1,6 +1,7 @@
 """Forward integration against motions known in closed form."""
 
 import _thread
+import io
 import re
 import signal
 import sys
@@ -15,6 +16,7 @@ from motions import ellipse, growing, kicked, of_scene, pendulum
 from actionopt import Mesh, State, System
 from actionopt.analysis import flow, forward
 from actionopt.analysis.forward import IntegrationError, integrate
+from actionopt.tools.interrupts import _Others
 
 # At the default tol some thousand steps of CVODES make 5e-16 of error each, and the motions here
 # amplify errors some thirty times on their way; the polynomials add their tail of 1e-12.
@@ -441,3 +443,14 @@ def test_a_state_off_the_surface_by_rounding_is_on_it(constraint, q, v):
     assert np.max(np.abs(path(t) - (np.array(q)[:, None] + np.outer(v, t)))) < ACCURATE
     with pytest.raises(ValueError, match="on the constraint surface"):
         integrate(system, State(0.0, np.add(q, 1e-6), v), 1.5)
+
+
+def test_others_write_to_standard_error():
+    stream = io.StringIO()
+    others = _Others(stream)
+    assert others.write("mine") == 4
+    thread = threading.Thread(target=others.write, args=("theirs",))
+    thread.start()
+    thread.join()
+    others.flush()
+    assert stream.getvalue() == "theirs"

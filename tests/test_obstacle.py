@@ -14,6 +14,7 @@ from helpers import a_quarter, slow
 import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
+from actionopt.discrete.borders import times_of
 from actionopt.families.obstacle_search import curves
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
@@ -1259,3 +1260,11 @@ def test_parts_in_contact_travel():
     make, given = held.__reduce__()
     made = make(*given)
     assert (made.arcs, made.free, made.sought) == (held.arcs, problem, held.sought)
+
+
+def test_a_question_without_times_is_asked_over_one():
+    ends = ao.Event(0.0, [0.0]), ao.Event(None, [1.0])
+    problem = ao.Problem(systems.particle(), *ends, energy=1.0)
+    assert free_contact._at_first(problem).duration == 1.0
+    joined = problem.replace(through=[ao.Event(None, [0.5])])
+    assert times_of(free_contact._at_first(joined)).tolist() == [0.0, 1.0, 2.0]

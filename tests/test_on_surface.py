@@ -441,3 +441,12 @@ def test_ends_of_a_guess_are_put_on_their_surfaces():
     problem = ao.Problem(systems.particle("x y"), ao.Event(0.0, [0.0, 0.0]), circle)
     path = ao.Path.interpolate(lambda t: np.stack([3 * t, 4 * t]), ao.Mesh.uniform(0, 1, 2, 3))
     np.testing.assert_allclose(_ends(problem, path), [[0, 0], [0.6, 0.8]], atol=1e-9)
+
+
+def test_points_that_are_given_twice_are_one():
+    circle = ao.Event(1.0, [None, None], on=lambda q, t: q @ q - 1)
+    problem = ao.Problem(systems.particle("x y"), ao.Event(0.0, [0.0, 0.0]), circle)
+    pair = np.array([[0.0, 0.0], [0.6, 0.8]])
+    pairs = [pair, pair + 1e-12, pair * [1, -1]]
+    found = [path.values[:, -1] for _, path in nearest_points.points(problem, pairs)]
+    assert sorted(x[1] for x in found) == [-0.8, 0.8]

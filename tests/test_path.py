@@ -1,10 +1,13 @@
 """Meshes and the piecewise polynomials on them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.solver.other_curves import read_curve
 
 EPS = np.finfo(float).eps
 MIXED = Mesh([0.0, 0.3, 1.0, 1.25, 4.0], [3, 5, 3, 1])  # two elements of one degree, apart
@@ -176,3 +179,31 @@ def test_tables_of_a_path_are_read_only_and_its_own():
     for table in (path.values, path.velocities):
         with pytest.raises(ValueError, match="read-only"):
             table[0, 0] = 1.0
+
+
+class Table:
+    """As pandas has it."""
+
+    iloc = None
+
+    def __init__(self, index, **columns):
+        self.index, self.columns, self.data = np.array(index), list(columns), columns
+
+    def __getitem__(self, name):
+        return np.array(self.data[name])
+
+
+def test_curves_of_others_are_read_or_refused():
+    of_columns = read_curve(Table([0.0, 1.0], x=[1.0, 2.0], y=[3.0, 5.0]), ("y", "x"))
+    assert of_columns(0.5).tolist() == [4.0, 1.5]
+    timed = read_curve(Table([7, 8], t=[0.0, 2.0], x=[1.0, 2.0]), ("x",))
+    assert timed(1.0).tolist() == [1.5]
+    named = read_curve(Table([0.0, 2.0], t=[1.0, 2.0]), ("t",))
+    assert named(1.0).tolist() == [1.5]
+    with pytest.raises(ValueError, match="columns x, z, found none called 'z' among x, y"):
+        read_curve(Table([0.0, 1.0], x=[1.0, 2.0], y=[3.0, 5.0]), ("x", "z"))
+    rows = SimpleNamespace(t=[0.0, 1.0], y=[[1.0, 3.0], [9.0, 9.0]], sol=None)
+    assert read_curve(rows, ("x",))(0.5).tolist() == [2.0]
+    with pytest.raises(ValueError, match=r"of 3 coordinates, or of so many and their .* found 2"):
+        read_curve(rows, ("x", "y", "z"))
+    assert read_curve(3.0, ("x",)) is None

@@ -8,7 +8,7 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.solver.ray_tracing import EVENT_MISSED, RAY_SLOWER, ClosedRayTracer, RayTracer
+from actionopt.solver.ray_tracing import EVENT_MISSED, RAY_SLOWER, RAYS, ClosedRayTracer, RayTracer
 from actionopt.solver.rays import BEST_RAYS, RaySearch
 from actionopt.solver.through import starts
 
@@ -198,3 +198,14 @@ def test_closed_rays_of_a_spring_and_a_wall():
     u = tracer.of_energy(np.array([[0.5, 0.1], [-0.5, -3.0]]))
     np.testing.assert_allclose((u**2).sum(axis=1) / 2, [2.0, 2.0])
     assert np.sign(u[:, 1]).tolist() == [1.0, -1.0]
+
+
+def test_first_motions_are_up_to_four_times_faster_and_slower():
+    ends = ao.Event(0.0, [0.0, 0.0]), ao.Event(2.0, [1.0, 1.0])
+    problem = ao.Problem(systems.particle("x y"), *ends)
+    tracer = RayTracer.of(problem, np.array([2.0, 4.0]), 2.0)
+    v = tracer.all_round(np.random.default_rng(0)) / [2.0, 4.0]
+    speeds = 2.0 * np.linalg.norm(v, axis=1)
+    assert 0.25 <= speeds.min() < 0.3 and 3.5 < speeds.max() <= 4.0
+    angles = np.sort(np.arctan2(v[:, 1], v[:, 0]))
+    np.testing.assert_allclose(np.diff(angles), 2 * np.pi / RAYS)

@@ -142,3 +142,36 @@ def test_what_is_no_parameter_of_a_member_is_refused(text):
 )  # fmt: skip
 def test_numbers_of_ampl_have_a_meaning(number, meaning):
     assert asl.AmplResult(np.zeros(1), None, "", number).meaning == meaning
+
+
+def test_answers_of_a_solver_in_another_process(tmp_path, monkeypatch):
+    program = suite.get("rod_pendulum", 2, 2)
+    monkeypatch.setattr(asl, "find", lambda name: tmp_path / name)
+    asked = []
+
+    def answer(binary, stub):
+        asked.append((binary, stub.with_suffix(".nl").is_file()))
+        return asl.AmplResult(np.zeros(program.n), np.ones(program.m), "said", 200)
+
+    monkeypatch.setattr(asl, "run", answer)
+    solve = solvers._asl("mine", tmp_path)(program, program.start())
+    x, lam, said, word = solve(program.start())
+    assert (said, word, x.sum(), lam.sum()) == ("infeasible", "said", 0.0, program.m)
+    assert asked == [(tmp_path / "mine", True)]
+    monkeypatch.setattr(asl, "run", lambda *x: asl.AmplResult(np.zeros(0), None, "no", 500))
+    x, lam, said, word = solve(program.start())
+    assert np.isnan(x).all() and (x.size, lam, said, word) == (program.n, None, "gave up", "no")
+
+
+def test_a_solver_that_leaves_no_answer_is_told(tmp_path):
+    binary = tmp_path / "silent"
+    binary.write_text("#!/bin/sh\necho at length $2; exit 3\n")
+    binary.chmod(0o755)
+    (tmp_path / "problem.sol").write_text("of another run")
+    with pytest.raises(RuntimeError, match="silent left no answer, code 3: at length -AMPL"):
+        asl.run(binary, tmp_path / "problem")
+    answer = "a, b,Options,1,7,2,2,1,1,5,6,7,objno 0 100,".replace(",", "\\n")
+    binary.write_text(f"#!/bin/sh\nprintf '{answer}' > $1.sol\n")
+    found = asl.run(binary, tmp_path / "problem")
+    assert (found.x.tolist(), found.lam.tolist()) == ([7.0], [-5.0, -6.0])
+    assert (found.message, found.number) == ("a b", 100)

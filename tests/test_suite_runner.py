@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 import types
-from dataclasses import replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import casadi as ca
@@ -17,7 +17,7 @@ import pytest
 
 from actionopt import suite
 from actionopt.cli import main
-from actionopt.suite import runner, solvers
+from actionopt.suite import cell, runner, solvers
 from actionopt.suite.cell import Cell, attempt, evaluate, limit
 from actionopt.suite.expression import nlp
 from actionopt.suite.program import Given
@@ -438,3 +438,47 @@ def test_a_process_writes_what_its_function_returns(tmp_path):
 def test_how_a_process_died_is_told(code, said, words):
     error = process.Died(code, said)
     assert (str(error), error.said) == (words, said)
+
+
+def bare(**given):
+    return Cell(**dict.fromkeys(field.name for field in fields(Cell)) | given)
+
+
+@pytest.mark.parametrize(
+    ("error", "outcome", "word", "clock"),
+    [
+        (process.Overrun("no answer in 9 s", 9.5), "limit", "no answer in 9 s", None),
+        (
+            process.Overrun("no answer in 90 s of the clock", 2.0),
+            "failed",
+            "no answer in 90 s of the clock",
+            True,
+        ),
+        (process.Overrun("no answer", None), "limit", "no answer", None),
+        (process.Died(-11, "x"), "failed", "the process died with signal SIGSEGV; x", None),
+        (process.Died(1, "MemoryError: y"), "limit", "out of memory", None),
+        (process.Died(1, "std::bad_alloc"), "limit", "out of memory", None),
+    ],
+)
+def test_what_came_of_a_process_that_did_not_answer(error, outcome, word, clock, monkeypatch):
+    def run(*asked, **limits):
+        raise error
+
+    monkeypatch.setattr(process, "run", run)
+    found = runner.attempt(bare(problem="pendulum"), Limits(seconds=5.0, memory=100.0))
+    assert (found["outcome"], found["word"], found.get("clock")) == (outcome, word, clock)
+    assert (found["allowed"], found["memory"]) == (5.0, 100.0)
+
+
+def test_a_process_answers_or_is_ended():
+    assert process.run("math:hypot", 3, 4, limit=60.0) == 5.0
+    with pytest.raises(process.Overrun, match="no answer in 0 s of the clock"):
+        process.run("time:sleep", 60, limit=0.0)
+
+
+def test_a_cell_is_run_within_its_bounds(monkeypatch):
+    told = []
+    monkeypatch.setattr(cell, "limit", lambda *x: told.append(x))
+    monkeypatch.setattr(cell, "attempt", lambda asked: {"said": asked.solver})
+    found = cell.run_within(asdict(bare(solver="s")), 100.0, 5.0)
+    assert found["said"] == "s" and found["processor"] > 0 and told == [(100.0, 5.0)]

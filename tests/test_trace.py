@@ -1,5 +1,7 @@
 """Families of paths against closed forms: through folds, past conjugate points."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import systems
@@ -10,7 +12,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.arclength import Branch, BranchPoint
 from actionopt.families.marks import Step, locate
-from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
+from actionopt.families.trace import FOLD_SLOPE, POLE_SIZE, _TraceRun, trace
 from actionopt.families.vary import slope, with_values
 
 OSCILLATOR = ao.System(
@@ -535,3 +537,24 @@ def test_a_trace_ends_where_there_is_no_further_question():
     assert found.actions == pytest.approx(found.values**2)
     assert ao.trace(family(0.5), family, 1.0, start=0.5).stopped == "it reached the goal"
     assert ao.trace(family(1.0), family, 0.5, start=1.0).stopped == "it reached the goal"
+
+
+def test_what_changes_its_sign_along_a_branch():
+    at = SimpleNamespace(problem=SimpleNamespace(is_course=True))
+    run = SimpleNamespace(_index=lambda point: 2)
+    assert _TraceRun._sign(run, 1, SimpleNamespace(tr=None, at=at)) == 0.5
+    assert _TraceRun._sign(run, 2, SimpleNamespace(tr=None, at=at)) == -0.5
+    run = SimpleNamespace(branch=SimpleNamespace(range=2.0))
+    slopes = (np.array([1.0, x * FOLD_SLOPE * 2.0]) for x in (-0.9, -1.1))
+    flat, steep = (SimpleNamespace(direction=slope) for slope in slopes)
+    assert [_TraceRun._is_fold(run, p, 2) for p in (flat, steep)] == [True, False]
+    assert not _TraceRun._is_fold(run, flat, 1)
+
+
+@pytest.mark.parametrize("T", [1.0, 3.0, 4.0])
+def test_multipliers_of_minus_one_tell_where_a_period_doubles(T):
+    """det(M + 1) = 2 + 2 cos T of an oscillator."""
+    ends = ao.Event(0.0, [0.3]), ao.Event(T, [0.5])
+    point = SimpleNamespace(at=ao.solve(ao.Problem(systems.oscillator(), *ends)).discrete)
+    found = _TraceRun._doubling(SimpleNamespace(tol=1e-8), point)
+    assert found == pytest.approx(2 + 2 * np.cos(T), abs=1e-6)

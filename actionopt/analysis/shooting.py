@@ -140,7 +140,7 @@ def _acceleration(problem: Problem, q: Array, v: Array, t: Array) -> Array:
         mass, bias = system.pointwise("even_motion")(*state)
         return np.array((bias / mass).T, dtype=float).reshape(shape)
     try:
-        a = solve_motion(*system.pointwise("motion")(*state)[:4])[:, :n]
+        a = solve_motion(*system.pointwise("motion")(*state))[:, :n]
     except np.linalg.LinAlgError:  # one singular motion spoils the batch
         return np.full(shape, np.nan)
     return np.array(a.T, dtype=float).reshape(shape)

@@ -194,7 +194,7 @@ class NumericLaws(Laws):
         arguments, single = self.arguments(q, v, t, parameters)
         shape = () if single else arguments[0].shape[:1]
         held = None if active is None else active.reshape(m, -1).T
-        M, bias, G, gamma = self.pointwise("motion")(*arguments)[:4]
+        M, bias, G, gamma = self.pointwise("motion")(*arguments)
         solved = solve_motion(M, bias, G, gamma, held).T
         return solved[:n].reshape(n, *shape), solved[n:].reshape(m, *shape)
 
