@@ -36,6 +36,7 @@ from actionopt.solver.iterate import Iterate
 from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.workspace import FEW_COORDINATES, ROUGHLY, Workspace
+from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
@@ -293,12 +294,11 @@ class Search:
             return False
         mesh = self.ws.with_boundaries(self.uniform(FIRST_FEW, COARSE_DEGREE))
         coarse = Transcription(problem, mesh, tr.lengths, like=tr)
-        coarse.watch, Q = self.ws.watch, coarse.straight()
-        bent = self._curved_line(mesh).values.T
-        went = descend(coarse, coarse.pack(Q + OFF_LINE * (bent - Q)), FAR_DOWN)
-        return went.runaway or (
-            bool(loose.any()) and not went.found
-        )  # constants cost no velocities
+        coarse.watch = self.ws.watch
+        beside = coarse.pack(coarse.straight() + OFF_LINE * self._bend(mesh))
+        went = descend(coarse, beside, FAR_DOWN)
+        # Constants cost no velocities: no shift may serve.
+        return went.runaway or bool(loose.any() and not went.found)
 
     def _refine_saddle(self) -> Status:
         """Refine the saddle that was found while a least path was sought, if there is one."""
@@ -424,9 +424,13 @@ class Search:
         problem = self.ws.problem
         mesh = with_boundaries(with_degrees(mesh, problem.system.order), problem.boundaries)
         Q = Transcription(problem, mesh, problem.lengths).straight()
-        s = mesh.nodes_since / mesh.duration
+        return Path(mesh, (Q + self._bend(mesh)).T)
+
+    def _bend(self, mesh: Mesh) -> Array:
+        """Return by how much a curved line is beside the straight one, at the nodes, (K, n)."""
+        problem, s = self.ws.problem, mesh.nodes_since / mesh.duration
         side = problem.lengths * np.cos(np.arange(1.0, 1.0 + problem.system.n))  # no symmetry's own
-        return Path(mesh, (Q + CURVED_HEIGHT * np.sin(np.pi * s)[:, None] * side).T)
+        return CURVED_HEIGHT * np.sin(np.pi * s)[:, None] * side
 
     def _step(self, mesh: Mesh) -> Path | None:
         """Return a step from rest to rest over a window; None elsewhere, for the straight line."""
