@@ -61,7 +61,7 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
 
     Coordinates `far` times their own size have run away.
     """
-    mu, count, first, last, looked = 0.0, 0, z, None, FAR_OUT
+    mu, count, first, last, least, looked = 0.0, 0, z, None, None, FAR_OUT
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
         while count < DESCENT_STEPS and np.abs(z).max() < far:
@@ -73,7 +73,9 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
             H, K = tr.kkt(z), tr.kinetic(z)
             if not (np.isfinite(H).all() and np.isfinite(K).all()):
                 break
-            least = None  # asked where a shift has failed
+            # Asked where a shift has failed, and then as long as S bends down along the last step.
+            bends = least is not None and least > 0
+            least = _least_mu(tr, H, K, last) if bends and last is not None else None
             while (least and mu < least) or not (factors := _shifted(tr, H, K, mu)).definite():
                 if least is None:
                     least = _least_mu(tr, H, K, loose_constants(tr) if last is None else last)
