@@ -224,6 +224,31 @@ def test_a_rope_hangs_between_unequal_heights(ends, width, length):
 
 
 @pytest.mark.long
+def test_a_path_through_two_surfaces_and_three_laws_with_an_integral():
+    """Times, places and the multiplier by legs in closed form, and Newton's method on these."""
+    m, w, T, G = (2.3, 3.9, 0.8), (3.7, 1.1, 5.8), 1.0, 0.51
+    laws = [
+        ao.System(
+            lambda q, v, t, m=m, w=w: (
+                m * (v @ v) / 2 - w * (q[0] ** 2 / 2 + q[1] ** 2) - 0.3 * q[0] * t
+            ),
+            ["x", "y"],
+            integral=lambda q, v, t: q[1],
+        )
+        for m, w in zip(m, w, strict=True)
+    ]
+    surfaces = [
+        ao.Event(None, None, on=lambda q, t, y=y: q[1] - y + 0.1 * q[0]) for y in (-0.15, 0.15)
+    ]
+    ends = ao.Event(0, [-0.67, -0.7]), ao.Event(T, [0.85, 0.99])
+    found = ao.solve(ao.Problem(laws, *ends, through=surfaces, integral=G))
+    passed = found.problem.through
+    assert [e.t for e in passed] == pytest.approx([0.25060913, 0.38776453], abs=1e-7)
+    assert [e.q[0] for e in passed] == pytest.approx([-0.4692134, -0.38743354], abs=1e-7)
+    assert found.integral_multipliers == pytest.approx([2.15822115], abs=1e-6)
+
+
+@pytest.mark.long
 def test_a_rope_that_is_hardly_longer_than_the_line_hangs():
     """At y = 0, where the length of the straight line does not change with it to first order."""
     found = ao.solve(ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0]), integral=2.001))

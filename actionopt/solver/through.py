@@ -341,6 +341,11 @@ def starts(
         first = _begin(problem, base, size, np.ones(len(base) - 1))
         if first is not None:
             yield from first_waves(problem, *first, size, count or FIRST_POLYGONS, random)
+        if any(event.t is None or event.on is not None for event in problem.through):
+            for found in _polygons(problem, base, size, random, 1, count or SEVERAL):
+                if found is not None:
+                    relaxed = relax_legs(problem, *found)
+                    yield from first_guessed(problem, relaxed, found[1])
         return
     straight = _begin(problem, base, size, np.ones(len(base) - 1))
     least = None if straight is None else lower(problem, *straight)
@@ -364,17 +369,7 @@ def _first_legs(
     A few straight ones; motions; ways that begin as one answer and end as another; straight ones
     again.
     """
-    given = np.array([[x is not None for x in event.q] for event in problem.joints_found])
-
-    def polygons(first: int, last: int) -> Iterator[tuple[Path, Array] | None]:
-        for k in range(first, last):
-            away = PLACE_SPREAD * (1 + k // 10) * size * random.standard_normal(base.shape)
-            away[given] = 0.0
-            shift = PLACE_SPREAD * random.standard_normal(len(base) - 1)
-            q = base if not k else base + away
-            yield _begin(problem, q, size, np.ones(shift.size) if k < 2 else np.exp(shift))
-
-    yield from polygons(0, BEFORE_RAYS)
+    yield from _polygons(problem, base, size, random, 0, BEFORE_RAYS)
     span = float(np.diff(times_of(problem)[[0, -1]])[0])
     if not np.isfinite(span):
         span = float(_durations(problem, base).sum())
@@ -388,7 +383,24 @@ def _first_legs(
             _begin(problem, q, size, np.ones(len(q) - 1))
             for q in _join_answers(answers, count, random)
         )
-    yield from polygons(BEFORE_RAYS, FIRST_POLYGONS if answers or not count else count)
+    last = FIRST_POLYGONS if answers or not count else count
+    yield from _polygons(problem, base, size, random, BEFORE_RAYS, last)
+
+
+def _polygons(
+    problem: Problem, base: Array, size: Array, random: np.random.Generator, first: int, last: int
+) -> Iterator[tuple[Path, Array] | None]:
+    """Yield paths straight between points ever farther from `base`, of numbers `first` to `last`.
+
+    The first is between those points themselves; so are the times of the first two.
+    """
+    given = np.array([[x is not None for x in event.q] for event in problem.joints_found])
+    for k in range(first, last):
+        away = PLACE_SPREAD * (1 + k // 10) * size * random.standard_normal(base.shape)
+        away[given] = 0.0
+        shift = PLACE_SPREAD * random.standard_normal(len(base) - 1)
+        q = base if not k else base + away
+        yield _begin(problem, q, size, np.ones(shift.size) if k < 2 else np.exp(shift))
 
 
 def _join_answers(

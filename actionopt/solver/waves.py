@@ -198,6 +198,8 @@ def lead(
             return
         if found is None:
             step /= 2
+            if step < FIRST_PART / 2.0**HALVINGS:
+                return
         else:
             at = equations.discrete(found[0])
             share, path, kappa, step = now, at.path, at.problem.kappa, step * 2
