@@ -131,7 +131,8 @@ def loose_constants(tr: Transcription) -> Array:
     """Return the variation (size,) by one constant of the coordinates that are given at no end."""
     problem, away = tr.problem, np.zeros(tr.layout.size)
     held = {*problem.start.pinned, *(problem.end.pinned if problem.advance is None else ())}
-    away[: tr.layout.unknowns] = ~np.isin(tr.layout.free % tr.layout.width, list(held))
+    if len(held) < problem.system.n:
+        away[: tr.layout.unknowns] = ~np.isin(tr.layout.free % tr.layout.width, list(held))
     return away
 
 
