@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations
+from itertools import chain, combinations, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,7 @@ RAY_SPREAD = 0.5  # of the distance of these, of velocities that are nearer
 # motions meet all events.
 LONGER_SPANS, SPAN_FACTOR = 3, 4.0
 RAY_NEAR = 0.05  # a smaller one, in these sizes, is told at once
+MOST_WAYS_ON = 8  # all choices of three events
 
 
 class Ray(NamedTuple):
@@ -64,7 +65,7 @@ class Ray(NamedTuple):
 
 
 def ways_on(problem: Problem) -> Iterator[tuple[int, ...]]:
-    """Yield the events at which motions are thrown back, none first, then each choice of them.
+    """Yield the events at which motions are thrown back: none first, then few choices of them.
 
     Where a surface is met at a time that is found and the law does not change, the motion that
     passes and the one that is thrown back are both stationary.
@@ -78,8 +79,8 @@ def ways_on(problem: Problem) -> Iterator[tuple[int, ...]]:
         and event.t is None
         and laws[k - 1] is laws[k]
     ]
-    for count in range(len(either) + 1):
-        yield from combinations(either, count)
+    choices = (combinations(either, count) for count in range(len(either) + 1))
+    yield from islice(chain.from_iterable(choices), MOST_WAYS_ON)
 
 
 def rays(
