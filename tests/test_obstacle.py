@@ -1268,3 +1268,39 @@ def test_a_question_without_times_is_asked_over_one():
     assert free_contact._at_first(problem).duration == 1.0
     joined = problem.replace(through=[ao.Event(None, [0.5])])
     assert times_of(free_contact._at_first(joined)).tolist() == [0.0, 1.0, 2.0]
+
+
+def string_round_disc(y, side=1):
+    """Return the length of a taut string from (-2, .1) to (2, y), past the unit disc on a side."""
+    ends = np.array([-2.0, 0.1]), np.array([2.0, y])
+    radii = [np.linalg.norm(x) for x in ends]
+    angles = [np.arctan2(side * x[1], x[0]) for x in ends]
+    turned = angles[0] % (2 * np.pi) - angles[1] - sum(np.arccos(1 / r) for r in radii)
+    if turned < 0:
+        return np.linalg.norm(ends[1] - ends[0])
+    return sum(np.sqrt(r**2 - 1) for r in radii) + turned
+
+
+def past_disc(T=1.0, **more):
+    disc = systems.particle("x y", obstacle=lambda q, t: q @ q - 1)
+    return ao.Problem(disc, ao.Event(0.0, [-2.0, 0.1]), ao.Event(T, [2.0, 0.1]), **more)
+
+
+def test_ways_on_both_sides_of_a_disc():
+    found = ao.solve_all(past_disc(), starts=1)
+    lengths = [string_round_disc(0.1, side) for side in (1, -1)]
+    np.testing.assert_allclose([s.action for s in found], np.square(lengths) / 2, rtol=1e-7)
+
+
+def test_a_trace_leaves_a_disc():
+    found = ao.trace(past_disc(), ("end", "y"), 2.9)
+    exact = [string_round_disc(y) ** 2 / 2 for y in found.values]
+    np.testing.assert_allclose(found.actions, exact, rtol=1e-6)
+    assert found.values[-1] == 2.9 and exact[-1] == (16 + 2.8**2) / 2
+
+
+def test_a_string_of_given_energy_takes_its_length_as_time():
+    """sqrt(2 E) times the length is S + E T."""
+    s = ao.solve(past_disc(None, energy=2.0))
+    assert s.action + 2.0 * s.duration == pytest.approx(2.0 * string_round_disc(0.1), rel=1e-7)
+    assert s.duration == pytest.approx(string_round_disc(0.1) / 2, rel=1e-6)

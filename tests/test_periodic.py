@@ -571,3 +571,14 @@ def test_multipliers_need_independent_coordinates_and_no_places_on_the_way():
     s = ao.solve(ao.Problem(systems.particle(), start, end, through=[way]))
     with pytest.raises(ValueError, match="events between the ends that leave the path"):
         ao.monodromy(s)
+
+
+def test_paths_that_close_on_a_clock_are_all_motions():
+    problem = ao.Problem(
+        driven(stiff=1.0, cubic=1.0, drive=0.3), ao.Event(0.0, [None]), ao.Periodic(2 * np.pi / 1.5)
+    )
+    found = ao.solve_all(problem, starts=1, shots=4, continuations=0, seed=1)
+    assert len(found) >= 1
+    for s in found:
+        assert s.compare().position < 1e-6
+        np.testing.assert_allclose(s.start.v, s.end.v, atol=1e-8)

@@ -310,3 +310,13 @@ def test_what_is_inside_is_printed_in_a_line(swing):
     grid = Grid.of(swing.problem, {"t1": [1.5, 2.0]}, False)
     assert repr(grid) == "Grid(t1: 2 from 1.5 to 2)"
     assert repr(PackedPaths.of(np.arange(2), [swing.path] * 2)) == "PackedPaths(2 paths)"
+
+
+def test_the_program_of_a_path_under_a_constraint():
+    rod = systems.particle("x y", constraint=lambda q, t: q @ q - 1)
+    s = ao.solve(ao.Problem(rod, ao.Event(0.0, [1.0, 0.0]), ao.Event(1.0, [0.0, 1.0])))
+    program, Q = s.opti()
+    program.solver("ipopt", {"print_time": 0, "ipopt.print_level": 0, "ipopt.sb": "yes"})
+    found = program.solve()
+    assert float(found.value(program.f)) == pytest.approx((np.pi / 2) ** 2 / 2, rel=1e-6)
+    np.testing.assert_allclose(found.value(Q), s(s.mesh.nodes), atol=1e-6)
