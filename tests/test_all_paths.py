@@ -15,6 +15,7 @@ from actionopt.analysis import shooting
 from actionopt.families import searches
 from actionopt.families.all_paths import Paths, detected_angles, solve_all
 from actionopt.families.searches import SAME_ACTION, Answers
+from actionopt.families.trace import _TraceRun
 
 PENDULUM = systems.pendulum(g=9.81)
 
@@ -327,3 +328,19 @@ def test_paths_of_one_family_have_the_same_action_but_under_forces():
     assert same(search(False), path(3.0), path(3.0 + SAME_ACTION))
     assert not same(search(False), path(3.0), path(3.0 + 4 * SAME_ACTION))
     assert same(search(True), path(3.0), path(5.0))
+
+
+def test_paths_are_numbered_and_told_in_a_line():
+    ends = ao.Event(0.0, [0.1]), ao.Event(1.0, [0.2])
+    search = {"starts": 1, "shots": 1, "continuations": 0}
+    found = ao.solve_all(ao.Problem(systems.pendulum(), *ends), **search)
+    actions = ", ".join(f"{s.action:.6g}" for s in found)
+    assert repr(found) == f"Paths({len(found)}: S = {actions})" and found[0] is found.solutions[0]
+    with pytest.raises(IndexError, match=f"expected one of {len(found)} paths, found number 9"):
+        found[9]
+
+    def family(x):
+        return ao.Problem(systems.pendulum(), ends[0], ao.Event(1.0, [x]))
+
+    run = SimpleNamespace(family=family, tol=1e-8)
+    assert _TraceRun._is_solved(run, SimpleNamespace(s=0.3, path=found[0].path))

@@ -10,6 +10,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.plot.data.exploration import (
     CONJUGATE,
+    _why,
     begin,
     bend,
     lasting,
@@ -253,3 +254,8 @@ def test_it_begins_again_with_the_straight_line():
     solved = to_solution(now)
     assert np.abs(solved.trial.Q - now.trial.Q).max() > 0.01
     np.testing.assert_array_equal(restart(solved).trial.Q, now.trial.Q)
+
+
+def test_why_there_is_no_path_is_said():
+    assert _why(ao.Status.DEGENERATE) == CONJUGATE
+    assert _why(ao.Status.NOT_FOUND) == ao.Status.NOT_FOUND.value

@@ -5,6 +5,7 @@ import pytest
 import systems
 from helpers import same_bits
 
+from actionopt import solve
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.factors import (
     Factors,
@@ -407,3 +408,13 @@ def test_several_right_hand_sides_are_solved_as_one_is(name):
     alone = np.linalg.solve(dense, right)
     found = Factors(layout, nonzeros).solve_many(right)
     assert np.abs(found - alone).max() <= 1e-9 * np.abs(alone).max()
+
+
+def test_a_matrix_near_another_is_solved_by_its_factors():
+    ends = Event(0.0, [0.1] * 3), Event(0.5, [0.2] * 3)
+    at = solve(Problem(systems.links(3), *ends)).discrete
+    first, other = at.tr.kkt(at.z), at.tr.kkt(1.001 * at.z)
+    near = Factors(at.tr.layout, first).near(other)
+    right = np.random.default_rng(0).standard_normal(at.z.size)
+    assert near.is_refined != at.tr.layout.small
+    np.testing.assert_allclose(full(at.tr.layout, other) @ near.solve(right), right, atol=1e-9)

@@ -1304,3 +1304,12 @@ def test_a_string_of_given_energy_takes_its_length_as_time():
     s = ao.solve(past_disc(None, energy=2.0))
     assert s.action + 2.0 * s.duration == pytest.approx(2.0 * string_round_disc(0.1), rel=1e-7)
     assert s.duration == pytest.approx(string_round_disc(0.1) / 2, rel=1e-6)
+
+
+def test_an_obstacle_leaves_the_forces_of_a_constraint_to_it():
+    """A bead at speed 2 on a circle of radius 1: its constraint pulls it inwards with 4."""
+    laws = {"constraint": lambda q, t: q @ q - 1, "obstacle": lambda q, t: q[1] + 2}
+    ends = ao.Event(0.0, [1.0, 0.0]), ao.Event(1.0, [0.0, 1.0])
+    held = Held(ao.Problem(systems.particle("x y", **laws), *ends), ())
+    force = held.constraint_force(np.array([1.0, 0.0]), np.array([0.0, 2.0]), 0.0)
+    np.testing.assert_allclose(force, [-4.0, 0.0], atol=1e-12)

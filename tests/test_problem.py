@@ -274,3 +274,8 @@ def test_events_that_are_not_close_are_measured_from_zero(side):
         problem = Problem(systems.particle(), *ends)
         assert problem.origin is None
         assert problem.lengths == problem.scales == [max(abs(x0), abs(x1 or 0.0))]
+
+
+def test_an_event_at_a_time_is_its_own_limit_and_no_obstacle_holds_nothing():
+    event, plain = Event(1.0, [0.0]), systems.particle()
+    assert event.limit is event and plain.with_contact is plain

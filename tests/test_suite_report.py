@@ -229,3 +229,10 @@ def test_a_figure_stands_beside_its_page(tmp_path, monkeypatch):
     shown = report._figure(steps, tmp_path, "d", "time", 0.1)
     assert shown.startswith('<p><img src="d.svg" alt="time"')
     assert saved[-1] == ((steps, "time", 0.1), tmp_path / "d.svg")
+
+
+def test_a_page_of_dials_is_linked_where_one_was_turned(tmp_path, monkeypatch):
+    monkeypatch.setattr(report.dial_report, "write", lambda records, folder: folder / "dials.html")
+    monkeypatch.setattr(report, "on_a_dial", lambda record: record == "turned")
+    assert report._dials(["left"], tmp_path) == ""
+    assert '<a href="dials.html">along the dials</a>' in report._dials(["left", "turned"], tmp_path)

@@ -482,3 +482,12 @@ def test_a_cell_is_run_within_its_bounds(monkeypatch):
     monkeypatch.setattr(cell, "attempt", lambda asked: {"said": asked.solver})
     found = cell.run_within(asdict(bare(solver="s")), 100.0, 5.0)
     assert found["said"] == "s" and found["processor"] > 0 and told == [(100.0, 5.0)]
+
+
+def test_the_time_of_a_process_counts_anew(tmp_path, monkeypatch):
+    monkeypatch.setenv(process.MARK, str(tmp_path / "mark"))
+    process.count_anew()
+    told = float((tmp_path / "mark").read_text())
+    assert 0 <= process.processor_time() - told < 1.0
+    monkeypatch.delenv(process.MARK)
+    process.count_anew()  # nobody asked

@@ -12,6 +12,7 @@ import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -25,7 +26,8 @@ from actionopt import Event, Periodic, Problem, System, scenes
 from actionopt.families import batch, budget
 from actionopt.families import sweep as module
 from actionopt.families.grid import Grid
-from actionopt.families.retry import check_sent
+from actionopt.families.path_store import PackedPaths
+from actionopt.families.retry import _without, check_sent
 from actionopt.families.runs import Runs
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
@@ -762,3 +764,23 @@ def test_a_guess_that_no_process_can_be_sent_is_refused():
     check_sent(np.cos)
     with pytest.raises(ValueError, match="expected a guess that can be pickled"):
         check_sent(lambda t: t)
+
+
+def test_every_seed_is_sown_once():
+    asked, fields = [], np.linspace(0, 8, min(module.SEEDS, 9)).astype(int)
+    grid = SimpleNamespace(order=np.arange(40)[::-1])
+    run = SimpleNamespace(tasks=9, grid=grid, length=4, sown=0)
+    run._nearest = lambda member: asked.append(int(member[0]))
+    for task in range(9):
+        module._SweepRun._sow(run, task)
+    assert asked == (39 - 4 * fields).tolist() and run.sown == fields.size
+
+
+def test_answers_of_members_that_are_known_are_left_out():
+    path = ao.Path.interpolate(lambda t: t[None], ao.Mesh.uniform(0, 1, 2, 3))
+    members = np.array([3, 5, 8])
+    answers = {"members": members, "action": np.array([1.0, 2.0, 3.0])}
+    answers |= PackedPaths.of(members[1:], [path, path]).pack("kept")
+    found = _without(answers, np.array([5]))
+    assert (found["members"].tolist(), found["action"].tolist()) == ([3, 8], [1.0, 3.0])
+    assert PackedPaths.unpack(found, "kept").members.tolist() == [8]

@@ -1,5 +1,6 @@
 """Iterates: placed, followed, carried, what is told of them and what is written down."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Path, Problem, System, scenes
+from actionopt.solver import workspace
 from actionopt.solver.iterate import ORDINARY, POLYNOMIAL_ROUNDOFF, Iterate, sizes
 from actionopt.solver.workspace import FOLLOWED_REACH, Workspace
 
@@ -212,3 +214,21 @@ def test_what_is_lost_on_tiny_elements_has_a_kink(recovered, elements, kinked):
 def test_no_path_is_said_to_move_less_than_a_free_body():
     held = SimpleNamespace(growth=0.3)
     assert Iterate.impulse_gain(SimpleNamespace(with_probed=lambda many: held), False) == (1, held)
+
+
+@pytest.mark.parametrize(("reached", "rows", "calls"), [(True, 1, 1), (False, 0, 1), (False, 1, 2)])
+def test_no_multipliers_are_a_second_way(reached, rows, calls, monkeypatch):
+    """It is gone where there are some, and the first way leads nowhere."""
+    told = []
+
+    def approach(equations, z, steps, **more):
+        told.append(z)
+        return (z, 1) if reached else None
+
+    monkeypatch.setattr(workspace, "approach", approach)
+    monkeypatch.setattr(workspace, "_without_multipliers", lambda here: "free")
+    here = SimpleNamespace(equations=SimpleNamespace(layout=SimpleNamespace(rows=rows)), z="z")
+    at = SimpleNamespace(here=here, many=False, _polish=lambda name, near: near)
+    at.record = SimpleNamespace(clock=lambda name: nullcontext())
+    found = workspace.Workspace.approach(at)
+    assert told == ["z", "free"][:calls] and found == (("z", 1) if reached else None)
