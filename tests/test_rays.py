@@ -92,6 +92,25 @@ def test_a_ball_is_thrown_up_for_all_the_time_that_there_is():
     np.testing.assert_allclose(sorted(s.start.v[0] for s in paths), roots, atol=1e-3)
 
 
+@pytest.mark.long
+def test_a_body_is_thrown_against_the_strongest_force_that_it_meets():
+    """The potential is .56 x where x > 0, -1.91 x beyond: three ways across, one of them fast."""
+    near = ao.System(lambda q, v, t: v @ v / 2 - 0.56 * q[0], ["x"])
+    far = ao.System(lambda q, v, t: v @ v / 2 + 1.91 * q[0], ["x"])
+    ends, kink = (
+        (ao.Event(0, 0.57), ao.Event(3.67, -0.29)),
+        ao.Event(None, None, on=lambda q, t: q[0]),
+    )
+    paths = ao.solve_all(ao.Problem([near, far], *ends, through=[kink]))
+    v = np.linspace(-5, 5, 20001)
+    hit = np.sqrt(v**2 + 2 * 0.56 * 0.57)
+    left = 3.67 - (v + hit) / 0.56
+    m = np.where(left > 0, -hit * left + 1.91 * left**2 / 2 + 0.29, np.nan)
+    roots = v[1:][m[1:] * m[:-1] < 0]
+    assert roots.size == 3
+    np.testing.assert_allclose(sorted(s.start.v[0] for s in paths), roots, atol=1e-3)
+
+
 @pytest.mark.slow
 def test_the_first_motions_nearly_arrive():
     """What is yielded first, obeys the law of reflection on its way, before Newton's method."""

@@ -170,14 +170,13 @@ class RayTracer:
         return self.of_energy(v * self.size * speeds)
 
     def _thrown_speed(self) -> float:
-        """Return the speed, in the sizes, from which the force at the start turns back in time."""
-        leg = self.legs[0]
-        q = np.array(leg.start.q, dtype=float)
-        with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
-            force = leg.system.acceleration(q, 0 * q, leg.start.t, parameters=leg.parameters)
-            speed = float(np.abs(force / self.size).max() * self.span / 2)
-            return speed if np.isfinite(speed) else 0.0
-        return 0.0
+        """Return the speed, in the sizes, from which forces turn back in time: any leg's there."""
+        q, speeds = np.array(self.legs[0].start.q, dtype=float), [0.0]
+        for leg in self.legs:
+            with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+                force = leg.system.acceleration(q, 0 * q, leg.start.t, parameters=leg.parameters)
+                speeds.append(float(np.abs(force / self.size).max() * self.span / 2))
+        return max(filter(np.isfinite, speeds))
 
     def in_time(self, batch: TracedRays) -> Array:
         """Return the states (K, M) of motions, those that come late faster."""
