@@ -8,6 +8,8 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -530,3 +532,24 @@ def test_a_shell_completes_scenes_and_a_sweep_is_tried_again_from_a_file():
 @pytest.mark.parametrize(("time", "text"), [(1.0, "1 s"), (0.99, "990 ms"), (12.345, "12.3 s")])
 def test_times_are_printed(time, text):
     assert question.seconds(time) == text
+
+
+def test_who_solves_a_sweep(monkeypatch):
+    for jobs in (None, 1):
+        with sweeping._executor(argparse.Namespace(dask=None, jobs=jobs)) as who:
+            assert who is None
+    with sweeping._executor(argparse.Namespace(dask=None, jobs=2)) as who:
+        assert who._max_workers == 2
+    asked = []
+
+    def client(address):
+        asked.append(address)
+        return nullcontext(SimpleNamespace(get_executor=lambda: "workers"))
+
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=client))
+    with sweeping._executor(argparse.Namespace(dask="here:1", jobs=None)) as who:
+        assert (who, asked) == ("workers", ["here:1"])
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    missing = sweeping._executor(argparse.Namespace(dask="here:1", jobs=None))
+    with pytest.raises(ValueError, match="expected Dask to be installed for --dask"), missing:
+        pass

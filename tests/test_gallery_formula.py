@@ -7,6 +7,7 @@ import itertools
 import operator
 import re
 import xml.etree.ElementTree as ET
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -298,3 +299,11 @@ def test_a_symbol_has_dots_an_order_or_an_index(name, marked):
 )
 def test_what_formulas_seldom_have_is_written_too(text, marked):
     assert marked in inline(text, ())
+
+
+def test_squared_sines_of_one_share_are_collected():
+    cosine, sine = ((((name, "theta"), Fraction(2)),) for name in ("cos", "sin"))
+    found = written._collect({cosine: Fraction(3), sine: Fraction(3)})
+    assert found == {written.UNIT_PRODUCT: Fraction(3)}
+    apart = {cosine: Fraction(3), sine: Fraction(1)}
+    assert written._collect(dict(apart)) == apart

@@ -465,14 +465,17 @@ def test_motions_of_two_coordinates_spread_where_they_meet_again():
     assert spread[1, focus] < 0.03 * spread[1].max()
 
 
-@pytest.mark.long
 def test_the_spectrum_of_an_oscillator():
-    data = plot.spectrum_data(solved("oscillator_saddle"), points=9)
+    data = plot.spectrum_data(solved("oscillator_saddle"), points=4)
     expected = np.array([k**2 - (data.durations / np.pi) ** 2 for k in (1, 2, 3)])
     np.testing.assert_allclose(data.eigenvalues, expected, atol=1e-6)
     away = np.abs(data.durations - np.pi) > 1e-6
     np.testing.assert_array_equal(data.index[away], data.durations[away] > np.pi)
     np.testing.assert_allclose(data.conjugate, [np.pi])
+
+
+@pytest.mark.long
+def test_a_spectrum_is_told_the_index():
     ax = plot.spectrum(solved("oscillator_saddle"))
     assert [t.get_text() for t in ax.texts] == ["index 0", "1"]
 
@@ -561,3 +564,14 @@ def test_action_over_time():
     t, q = triangles.x, triangles.y
     np.testing.assert_allclose(S, q**2 / (2 * t), atol=1e-7)
     assert not triangles.mask.any() and t.min() > 0.1
+
+
+def test_motions_refocus_along_the_quicker_coordinate():
+    system = ao.System(lambda q, v, t: (v @ v - q[0] ** 2 - 4 * q[1] ** 2) / 2, ["x", "y"])
+    s = ao.solve(ao.Problem(system, ao.Event(0.0, [0.3, 0.1]), ao.Event(1.0, [0.5, 0.2])))
+    found = np.abs(fan._refocusing(s, np.pi / 2, 1e-3))  # where y comes back
+    assert found == pytest.approx([0.0, 1.0], abs=1e-6)
+    assert fan._refocusing(s, 0.0, 1e-3).tolist() == [0.0, 1.0]
+    rod = systems.particle("x y", constraint=lambda q, t: q @ q - 1)
+    s = ao.solve(ao.Problem(rod, ao.Event(0.0, [1.0, 0.0]), ao.Event(1.0, [0.0, 1.0])))
+    assert np.abs(fan._refocusing(s, 1.0, 1e-3)) == pytest.approx([0.0, 1.0])

@@ -13,6 +13,7 @@ from actionopt.analysis import index
 from actionopt.discrete.factors import Factors
 from actionopt.solver import strategies
 from actionopt.solver.search import EXPENSIVE, Strategy
+from actionopt.solver.signals import status_of
 from actionopt.solver.solve import BY_METHOD, solve_near
 from actionopt.solver.workspace import PATIENT
 from actionopt.tools.interrupts import leave_interruptions
@@ -210,3 +211,8 @@ def test_ctrl_c_is_left_to_the_process_that_began_this_one(monkeypatch):
     monkeypatch.setattr(multiprocessing, "parent_process", lambda: 1)
     leave_interruptions()
     assert told == [(signal.SIGINT, signal.SIG_IGN)]
+
+
+def test_a_signal_says_which_verdict_it_is():
+    assert status_of(OutOfTime()) is ao.Status.OUT_OF_TIME
+    assert status_of(RuntimeError()) is ao.Status.UNRESOLVED

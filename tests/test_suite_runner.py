@@ -491,3 +491,80 @@ def test_the_time_of_a_process_counts_anew(tmp_path, monkeypatch):
     assert 0 <= process.processor_time() - told < 1.0
     monkeypatch.delenv(process.MARK)
     process.count_anew()  # nobody asked
+
+
+class Optimizer:
+    def __init__(self, x=None, error=None):
+        self.x, self.error = x, error
+
+    def set_ftol_rel(self, tol):
+        self.tol = tol
+
+    def optimize(self, x):
+        self.begun = x
+        if self.error:
+            raise self.error
+        return self.x
+
+    def last_optimize_result(self):
+        return 3
+
+
+def test_answers_of_nlopt_and_cyipopt(monkeypatch):
+    program = types.SimpleNamespace(n=2, bounds=(np.zeros(2), np.ones(2)))
+    monkeypatch.setitem(sys.modules, "nlopt", types.SimpleNamespace())
+    made = Optimizer(np.full(2, 0.5))
+    monkeypatch.setattr(solvers, "nlopt_problem", lambda program, algorithm: made)
+    x, lam, said, word = solvers._nlopt("LD_SLSQP")(program, None)(np.array([-1.0, 0.3]))
+    assert made.begun.tolist() == [0.0, 0.3] and made.tol == solvers.NLOPT_STOP
+    assert (x.tolist(), lam, said, word) == ([0.5, 0.5], None, "solved", "3")
+    made.error = RuntimeError("no way")
+    x, lam, said, word = solvers._nlopt("LD_SLSQP")(program, None)(np.array([-1.0, 0.3]))
+    assert (x.tolist(), said, word) == ([-1.0, 0.3], "gave up", "RuntimeError no way")
+    made.error = MemoryError()
+    with pytest.raises(MemoryError):
+        solvers._nlopt("LD_SLSQP")(program, None)(np.zeros(2))
+
+    def refuse(program, algorithm):
+        raise ValueError("no such algorithm")
+
+    monkeypatch.setattr(solvers, "nlopt_problem", refuse)
+    with pytest.raises(solvers.Absent, match="no such algorithm"):
+        solvers._nlopt("LD_NONE")(program, None)
+    told = {}
+
+    class Problem:
+        def __init__(self, **given):
+            told.update(given)
+
+        def add_option(self, name, value):
+            told[name] = value
+
+        def solve(self, x):
+            return x + 1, {"status": 0, "mult_g": np.ones(1)}
+
+    monkeypatch.setitem(sys.modules, "cyipopt", types.SimpleNamespace(Problem=Problem))
+    monkeypatch.setattr(solvers, "cyipopt_arguments", lambda program: {"n": 2})
+    x, lam, said, word = solvers._cyipopt("")(program, None)(np.zeros(2))
+    assert (x.tolist(), lam.tolist(), said, word) == ([1.0, 1.0], [1.0], "solved", "0")
+    assert told == {"n": 2, "print_level": 0, "sb": "yes"}
+    for name, prepare in (("nlopt", solvers._nlopt), ("cyipopt", solvers._cyipopt)):
+        monkeypatch.setitem(sys.modules, name, None)
+        with pytest.raises(solvers.Absent, match="is not installed, pip install"):
+            prepare("LD_SLSQP")
+
+
+def test_what_answers_depend_on(tmp_path, monkeypatch):
+    file = tmp_path / "own.py"
+    file.write_text("a = 1\n")
+    first = solvers.content(f"{file}:solve")
+    file.write_text("a = 2\n")
+    assert first.startswith("sha256 ") and solvers.content(f"{file}:solve") != first
+    assert solvers.content("json:dumps").startswith("sha256 ")
+    assert solvers.content("no_such_module:f") == "absent"
+
+    def none(name):
+        raise solvers.metadata.PackageNotFoundError
+
+    monkeypatch.setattr(solvers.metadata, "version", none)
+    assert solvers.content("scipy:SLSQP") == "absent"

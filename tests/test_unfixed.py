@@ -790,3 +790,21 @@ def test_a_guess_is_not_resolved_on_meshes_that_are_too_large_to_be_kept():
     jagged = [np.cos(np.arange(400)), np.sin(7.0 * np.arange(400))]
     small = guess_path(problem, jagged, 1e-11, most=60)
     assert 60 < small.mesh.offsets[-1] < 2000 < guess_path(problem, jagged, 1e-11).mesh.offsets[-1]
+
+
+def verdict(*judged, held=()):
+    """Return the verdict, where paths are held along a family or not, in turn."""
+    answers, holds = iter(judged), iter(held)
+    at = SimpleNamespace(here="first", along=("x",), settle=lambda: None)
+    at.judge = lambda settled: next(answers)
+    at._hold_along = lambda: next(holds)
+    return Unfixed.verdict(at), at.along
+
+
+def test_a_path_of_a_family_is_held_where_that_helps():
+    S = ao.Status
+    assert verdict(S.SOLVED, held=[True]) == (S.SOLVED, ("x",))
+    assert verdict(S.NOT_FOUND, S.SOLVED, held=[True]) == (S.SOLVED, ())
+    assert verdict(S.SOLVED, held=[False, False]) == (S.SOLVED, ("x",))
+    assert verdict(S.NOT_FOUND, S.SOLVED, held=[False, True]) == (S.SOLVED, ("x",))
+    assert verdict(S.UNRESOLVED, S.NOT_FOUND, held=[False, True]) == (S.UNRESOLVED, ())
