@@ -8,7 +8,7 @@ import pytest
 
 import actionopt as ao
 from actionopt.analysis import modes
-from actionopt.analysis.assembled import assemble
+from actionopt.analysis.assembled import _is_convex, assemble
 from actionopt.analysis.jacobi import resolve
 from actionopt.discrete.discrete_path import DiscretePath
 
@@ -122,3 +122,21 @@ def test_a_form_less_a_mass_is_that_of_a_stiffer_spring():
         np.testing.assert_allclose(found, exact, atol=1e-9)
     less = zip(one.shifted(kinetic=0.5), one.elements, one.kinetic, strict=True)
     assert all(np.array_equal(found, whole - part / 2) for found, whole, part in less)
+
+
+@pytest.mark.parametrize(
+    ("kinetic", "known"),
+    [
+        (lambda v, q: v @ v / 2, True),
+        (lambda v, q: v[0] ** 2 / 2 - v[1] ** 2 / 2, False),
+        (lambda v, q: v @ v / 2 + v[0] * v[1] / 2, True),
+        (lambda v, q: v @ v / 2 + 2 * v[0] * v[1], False),
+        (lambda v, q: v[0] ** 2 / 2 + v[1], False),
+        (lambda v, q: v @ v / 2 * np.sqrt(q[0] - 1.5), False),  # not finite at first
+    ],
+)
+def test_a_lagrangian_is_seen_to_be_convex(kinetic, known):
+    system = ao.System(lambda q, v, t: kinetic(v, q), ["x", "y"])
+    path = ao.Path.interpolate(lambda t: np.stack([t + 1, t + 1]), ao.Mesh.uniform(0, 1, 2, 4))
+    problem = ao.Problem(system, ao.Event(0.0, path(0.0)), ao.Event(1.0, path(1.0)))
+    assert bool(_is_convex(DiscretePath.of(problem, path))) is known

@@ -1,6 +1,7 @@
 """The index against closed forms, dense eigenvalues and published values."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.optimize import brentq
 import actionopt as ao
 import actionopt.analysis.second_variation as second_variation_module
 from actionopt import scenes
+from actionopt.analysis import regular
 from actionopt.analysis.index import Inertia, inertia, inertia_of
 from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import lowest, second_variation
@@ -597,3 +599,19 @@ def test_degenerate_is_said_of_no_loose_tolerance(question):
     loose, fine = question(1e-3), question(1e-9)
     assert loose.kind == fine.kind != "degenerate"
     assert loose.morse_index == fine.morse_index
+
+
+def test_a_regular_index_is_one_that_is_clear(monkeypatch):
+    def told(clear, negative=3, rows=1):
+        at = SimpleNamespace(tr=SimpleNamespace(layout=SimpleNamespace(rows=rows)))
+        form = SimpleNamespace(factors=SimpleNamespace(negative=lambda: negative), at=at)
+        monkeypatch.setattr(regular, "assemble", lambda *given: form)
+        monkeypatch.setattr(regular, "_is_clear", clear)
+        return regular.regular_index(None, 0.0, 1e-5)
+
+    def singular(*given):
+        raise np.linalg.LinAlgError
+
+    assert told(lambda *given: True) == 2
+    assert told(lambda *given: True, negative=0) is None  # it is round-off
+    assert told(lambda *given: False) is None and told(singular) is None

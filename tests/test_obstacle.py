@@ -20,7 +20,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.switches import minimum_parts
 from actionopt.solver import first_contacts, free_contact, least_along
-from actionopt.solver.first_contacts import other_sides
+from actionopt.solver.first_contacts import _where_zero, other_sides
 from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"
@@ -1313,3 +1313,17 @@ def test_an_obstacle_leaves_the_forces_of_a_constraint_to_it():
     held = Held(ao.Problem(systems.particle("x y", **laws), *ends), ())
     force = held.constraint_force(np.array([1.0, 0.0]), np.array([0.0, 2.0]), 0.0)
     np.testing.assert_allclose(force, [-4.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("t", "distance", "zero"),
+    [
+        ([0.3], [1.0], 0.3),
+        ([0.3, 0.5], [1.0, 2.0], 0.4),
+        ([0.3, 0.5, 0.7], [0.5, 1.5, 2.5], 0.98 * 0.3 + 0.02 * 0.4),  # the line is zero before
+        ([0.3, 0.5, 0.7], [0.1, 0.2, 0.6], 0.98 * 0.4 + 0.02 * 0.4),  # it is at 0.4
+        ([0.3, 0.5, 0.7], [0.5, 1.5, 1.5], 0.98 * 0.3 + 0.02 * 0.4),  # it is nowhere
+    ],
+)
+def test_contact_begins_where_distances_are_zero(t, distance, zero):
+    assert _where_zero(np.array(t), np.array(distance)) == pytest.approx(zero)

@@ -7,7 +7,7 @@ import pytest
 import systems
 
 from actionopt import scenes
-from actionopt.mechanics.events import Event, Periodic, State
+from actionopt.mechanics.events import Event, Periodic, State, _shift
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 
@@ -279,3 +279,11 @@ def test_events_that_are_not_close_are_measured_from_zero(side):
 def test_an_event_at_a_time_is_its_own_limit_and_no_obstacle_holds_nothing():
     event, plain = Event(1.0, [0.0]), systems.particle()
     assert event.limit is event and plain.with_contact is plain
+
+
+def test_a_shift_is_of_all_coordinates():
+    assert _shift([1, 2], 2).tolist() == [1.0, 2.0] and _shift([1], None).tolist() == [1.0]
+    with pytest.raises(ValueError, match="a shift of 2 coordinates, found"):
+        _shift([1.0], 2)
+    with pytest.raises(ValueError, match="a shift of all coordinates, found"):
+        _shift([[1.0]], None)

@@ -1,5 +1,6 @@
 """Derivatives of the action against differences of re-solved problems and closed forms."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -9,6 +10,8 @@ import systems
 
 import actionopt as ao
 from actionopt import scenes
+from actionopt.analysis.sensitivity import _check_contacts
+from actionopt.mechanics.obstacle import Arc
 
 # A central difference with step h of size 1e-4 (relative) leaves h^2 S''' / 6, removed once by
 # Richardson's extrapolation, and 1e-13 / h of rounding.
@@ -379,3 +382,19 @@ def test_second_derivatives_along_a_circle_are_those_of_the_angles():
     np.testing.assert_allclose(found.q0q0, np.outer(along[0], along[0]) / T, atol=1e-8)
     np.testing.assert_allclose(found.q0q1, -np.outer(along[0], along[1]) / T, atol=1e-8)
     np.testing.assert_allclose(found.q1q1, np.outer(along[1], along[1]) / T, atol=1e-8)
+
+
+def test_an_end_in_contact_has_no_second_derivative():
+    event = ao.Event(1.0, [0.0])
+
+    def held(arcs, asked=event):
+        original = SimpleNamespace(start=asked, end=asked)
+        end = ao.Event(2.0, [0.0])
+        return SimpleNamespace(start=event, end=end, arcs=arcs, original=original)
+
+    for t, arc in ((1, Arc(0, 1.0, 1.5)), (2, Arc(0, 1.5, 2.0))):
+        with pytest.raises(ValueError, match=f"found contact at t = {t}: an end moves"):
+            _check_contacts(held((arc,)))
+    _check_contacts(held((Arc(0, 1.2, 1.5),)))
+    _check_contacts(held((Arc(0, 1.0, 1.5),), ao.Event(1.0, [None])))  # it is not given
+    _check_contacts(held(None))

@@ -464,3 +464,9 @@ def test_points_that_do_not_get_onto_a_surface_are_left_out(side):
     q, _, t = points_of(system, system.table.pack(system.parameters))
     assert 0 < len(q) < 40
     assert np.max(np.abs(system.constraint(q.T, t[:, 0]))) <= 1e-12
+
+
+def test_only_a_solution_shows_a_drift():
+    turning = ao.noether(systems.particle("x y"), lambda q, t: [q[1], -q[0]])
+    with pytest.raises(ValueError, match="expected a Solution along which to look, found 3"):
+        turning.drift(3)

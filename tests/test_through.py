@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -17,6 +18,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import over
 from actionopt.discrete.factors import full
 from actionopt.plot import fan_data, fronts_data, spectrum_data
+from actionopt.solver import through
 from actionopt.solver.durations import explain_barrier
 from actionopt.solver.through import _join_answers
 
@@ -758,3 +760,17 @@ def test_motions_are_thrown_back_where_they_may_pass():
     times = [brentq(turns, *between) for between in ((0.1, 0.7), (0.8, 3.1), (3.2, 3.85))]
     exact = [oscillation(a, c, t)[0] + oscillation(c, b, T - t)[0] for t in times]
     assert sorted(path.action for path in found) == pytest.approx(sorted(exact), abs=1e-9)
+
+
+def test_a_family_of_unknown_dimension_counts_as_none(monkeypatch):
+    class Unknown:
+        status = ao.Status.SOLVED
+
+        @property
+        def inertia(self):
+            raise ValueError("L is not convex in the rates")
+
+    known = SimpleNamespace(status=ao.Status.SOLVED, inertia=SimpleNamespace(nullity=2))
+    for may_be, dimension in ((True, 2), (False, 0)):
+        monkeypatch.setattr(through, "may_be_family", lambda run, status, may=may_be: may)
+        assert (through._family(None, known), through._family(None, Unknown())) == (dimension, 0)

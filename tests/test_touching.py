@@ -12,6 +12,7 @@ import actionopt as ao
 from actionopt.discrete.contact_times import (
     ContactEquations,
     contact_edges,
+    merge_contacts,
     slips,
     with_contact_times,
 )
@@ -728,3 +729,14 @@ def test_equations_of_times_of_contact_have_their_derivative_and_follow_the_even
     np.testing.assert_allclose(equations.of(problem(2.0)).times, 2 * equations.times)
     gone = np.r_[at.z, 1.0, 0.0]  # the arc begins after its end
     assert np.isnan(equations.residual(gone)).all()
+
+
+def test_parts_with_nothing_between_become_one_and_moments_are_let_go():
+    def merged(a, b, *arcs, fixed=()):
+        return merge_contacts(SimpleNamespace(fixed_times=fixed, arcs=arcs), a, b)
+
+    arcs = Arc(0, 1.0, 2.0), Arc(0, 2.5, 3.0), Arc(1, 2.1, 4.0)
+    assert merged(2.0, 2.5, *arcs) == (Arc(0, 1.0, 3.0), arcs[2])
+    assert merged(1.0, 2.0, *arcs[:2]) == arcs[1:2]
+    assert merged(1.0, 2.0, arcs[0], fixed=(2.0,)) == (Arc(0, 2.0, 2.0),)
+    assert merged(2.5, 3.0, *arcs[:2], fixed=(2.5,)) == (arcs[0], Arc(0, 2.5, 2.5))
