@@ -20,7 +20,7 @@ from actionopt.discrete.factors import full
 from actionopt.plot import fan_data, fronts_data, spectrum_data
 from actionopt.solver import through
 from actionopt.solver.durations import explain_barrier
-from actionopt.solver.through import _join_answers
+from actionopt.solver.through import _join_answers, relax_legs, starts
 
 FREE = systems.particle("x y")
 OSCILLATOR = systems.oscillator()
@@ -774,3 +774,14 @@ def test_a_family_of_unknown_dimension_counts_as_none(monkeypatch):
     for may_be, dimension in ((True, 2), (False, 0)):
         monkeypatch.setattr(through, "may_be_family", lambda run, status, may=may_be: may)
         assert (through._family(None, known), through._family(None, Unknown())) == (dimension, 0)
+
+
+def test_legs_of_a_first_path_are_relaxed_where_an_integral_is_given():
+    """They are of the law alone: multipliers are found with the path."""
+    system = systems.oscillator(integral=lambda q, v, t: np.sin(q[0]))
+    ends, gate = (ao.Event(0, [0.2]), ao.Event(2, [0.5])), ao.Event(None, [-0.7])
+    problem = ao.Problem(system, *ends, through=[gate], integral=0.3)
+    path, times = next(starts(problem, None))
+    t, tau = times[1] / 3, times[1]
+    exact = (0.2 * np.sin(tau - t) - 0.7 * np.sin(t)) / np.sin(tau)
+    assert relax_legs(problem, path, times)(t)[0] == pytest.approx(exact, abs=1e-5)

@@ -439,7 +439,8 @@ def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
             return path
     known = zip(at.joints_found, places, strict=True)
     start, *through, end = (Event(e.t, q)._with_rates_of(e) for e, q in known)
-    laws = at.laws or (at.system,)  # the legs do not know parameters of surfaces alone
+    laws = at.question if isinstance(at.question, tuple) else (at.question,)
+    # The legs do not know parameters of surfaces alone, nor multipliers of integrals.
     own = {name for law in laws for name in law.table.shapes} - {SWITCHES}
     given = {name: x for name, x in at.parameters.items() if name in own}
     fixed = Problem(at.question, start, end, parameters=given, through=through)  # type: ignore[arg-type]
