@@ -8,7 +8,14 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.solver.ray_tracing import EVENT_MISSED, RAY_SLOWER, RAYS, ClosedRayTracer, RayTracer
+from actionopt.solver.ray_tracing import (
+    EVENT_MISSED,
+    RAY_SLOWER,
+    RAYS,
+    ClosedRayTracer,
+    RayTracer,
+    Track,
+)
 from actionopt.solver.rays import BEST_RAYS, RaySearch
 from actionopt.solver.through import starts
 
@@ -36,6 +43,35 @@ def test_many_bounces_in_an_ellipse(bounces):
     assert np.ptp(np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff([
         0.0, *(e.t for e in found.problem.through), 1.0
     ])) < 1e-8  # fmt: skip
+
+
+def oscillations(bounces):
+    """A body on a spring between ends beside its middle, and a wall from which it springs back."""
+    spring = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    wall = ao.Bounce(lambda q, t: 1 - q[0])
+    T = 2 * np.pi * bounces - 2
+    ends = ao.Event(0, [0, 0.01]), ao.Event(T, [0.1, 0.02])
+    return ao.Problem(spring, *ends, through=[wall] * bounces)
+
+
+def test_a_motion_returns_to_its_wall_though_its_first_step_is_taken_again():
+    problem = oscillations(2)
+    tracer = RayTracer.of(problem, np.ones(2), problem.end.t)
+    angle = np.linspace(-1.2, 1.2, 16)
+    traced = tracer.follow(30 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    track, _ = traced.tracks[1]
+    again = Track(*(np.concatenate([x[:1], x]) for x in (track.times, track.q, track.v)))
+    (_, (_, at, which)), (_, (_, known, _)) = (tracer._meet(1, x) for x in (again, track))
+    assert which.size == angle.size
+    np.testing.assert_allclose(at, known, rtol=1e-6)
+
+
+@pytest.mark.long
+def test_motions_too_slow_to_reach_the_wall_are_made_faster():
+    found = ao.solve(oscillations(3), tol=1e-10)
+    width = abs(found.start.v[0])
+    times = [e.t for e in found.problem.through]
+    assert np.diff(times) == pytest.approx(2 * np.pi - 2 * np.arccos(1 / width), abs=1e-8)
 
 
 ORBIT = ao.Event(0, [None, 0.1]), ao.Periodic(1)

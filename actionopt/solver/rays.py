@@ -36,6 +36,7 @@ RAY_SPREAD = 0.5  # of the distance of these, of velocities that are nearer
 # Durations that are tried where the energy is given, each so many times the last, as long as more
 # motions meet all events.
 LONGER_SPANS, SPAN_FACTOR = 3, 4.0
+FASTER_RAYS = 3  # times that factor faster, at most, where no motion meets the first event
 RAY_NEAR = 0.05  # a smaller one, in these sizes, is told at once
 MOST_WAYS_ON = 8  # all choices of three events
 
@@ -107,7 +108,13 @@ def rays(
         return
     tracer = (ClosedRayTracer if closed else RayTracer).of(problem, size, span)
     tracer = replace(tracer, thrown=thrown)
-    batch = tracer.follow(tracer.all_round(random))
+    first = tracer.all_round(random)
+    batch = tracer.follow(first)
+    for _ in range(FASTER_RAYS if tracer.timed else 0):
+        if np.isfinite(batch.times[:, 1]).any():
+            break
+        first[:, -system.n :] *= SPAN_FACTOR  # a force carries all of them back from the surface
+        batch = tracer.follow(first)
     if tracer.timed:
         batch = tracer.follow(tracer.in_time(batch))
     # What straight lines take says little of how long motions take that return to a surface.
