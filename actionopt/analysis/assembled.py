@@ -8,7 +8,6 @@ serves where the variations are simply those between two events and L_vv surely 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +18,7 @@ from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import SparseFactors, diagonal, solve_part
 from actionopt.mechanics.scales import diagonal as diagonal_of
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
 
 # How much more a mesh may leave out of Jacobi fields, the root of how far eigenvalues are off, than
@@ -28,7 +28,7 @@ RANDOM_FIELDS = 4  # between random ends of an element: each has a part of all J
 EVEN_UNITS = 10.0  # how far units of coordinates may be from those of equal inertia
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class AssembledForm:
     """d2S on the variations z of a discrete path, in its units, and the rows that restrict them.
 

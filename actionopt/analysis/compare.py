@@ -48,6 +48,7 @@ from actionopt.mechanics.jumps import jumps
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
@@ -71,7 +72,7 @@ DRAWN_TOL = 1e-9  # of a motion that is drawn only: far below a pixel
 NEARLY = (0.99, 0.9, 0.5)  # of the time that a motion lasts: parts of it that may be drawn
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Comparison:
     """The distance between a solution and forward integration.
 
@@ -433,7 +434,7 @@ def _perturb(problem: Problem, state: State, units: FlowUnits, part: float) -> S
     return State(state.t, state.q, state.v + basis @ (basis.T @ change))
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Parts:
     """Motions over parts of the time, which stop where those over the whole do.
 

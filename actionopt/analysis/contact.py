@@ -8,20 +8,19 @@ the body on the surface.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.crossing import BISECTIONS
 from actionopt.mechanics.events import State
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array, NDInt
 
 SAMPLES_PER_INTERVAL = 4  # of the nodes; ad hoc: roots that lie closer together pass unseen
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Contact:
     """A time at which a multiplier is zero and changes sign.
 

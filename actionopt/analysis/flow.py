@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.mechanics.events import State
 from actionopt.mechanics.system import System
+from actionopt.tools.immutable import immutable
 from actionopt.tools.interrupts import raised_later
 from actionopt.tools.types import Array
 
@@ -47,7 +47,7 @@ class IntegrationError(RuntimeError):
         self.t = t
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class FlowUnits:
     """The units of an integrator: sizes of q and of v, shape (n,), and of the equations.
 
@@ -97,7 +97,7 @@ def sizes(values: Array, metric: Array) -> Array:
     return np.where(zero, size.max() if size.max() > 0 else 1.0, size)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Flow:
     """The equations of motion of a system at given parameters.
 
@@ -195,7 +195,7 @@ class Flow:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Integrator:
     """CVODES for one system, one tolerance and output at the scaled times `s` (K,)."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -32,6 +32,7 @@ from actionopt.mechanics.jumps import across, jumps
 from actionopt.mechanics.surface import SURFACE_TOLERANCE
 from actionopt.mechanics.system import System, check_system
 from actionopt.tools.checks import number, tolerance
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
 
 # Ad hoc, where nothing else is said.
@@ -116,7 +117,7 @@ def integrate(
     return follow(Flow(system, parameters), state, t_end, tol=tol, mesh=mesh).path
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Leg:
     """A part of a motion that is integrated without a stop.
 
@@ -159,7 +160,7 @@ class Leg:
         return replace(self, times=times, degrees=np.repeat(self.degrees, pieces))
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class ForwardMotion:
     """A motion followed leg by leg.
 
@@ -308,7 +309,7 @@ def restarts(mesh: Mesh, instants: list[Instant]) -> list[Instant]:
     return stops if stops[0][0] != stops[0][1] else stops[1:]
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Rough:
     """The units and the sizes of a motion that rough integrations tell.
 
@@ -442,7 +443,7 @@ def begin_leg(flow: Flow, state: State, t: float) -> State:
         raise IntegrationError(message, state.t) from error
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Resolve:
     """Integrates legs, and splits their elements until these resolve q and v.
 

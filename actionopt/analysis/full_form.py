@@ -9,7 +9,6 @@ accelerations, and where one row goes through the whole path.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +26,7 @@ from actionopt.mechanics.events import Event
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 FORM_ROUNDS = (
@@ -34,7 +34,7 @@ FORM_ROUNDS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class FullForm:
     """d2S of a path, or of its part from the start to some time at which nothing varies.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -23,6 +22,7 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.course import check_whole
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array, NDInt
 
@@ -37,7 +37,7 @@ RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where valu
 MODE_SHIFTS = 50  # most; ad hoc, it ends by itself after some
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class SecondVariation:
     """The lowest eigenvalues and modes of the second variation.
 
@@ -258,7 +258,7 @@ class _Matrix:
         return lambda block: ca.ldl_solve(ca.DM(block), *factors).full()  # type: ignore
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Assembled:
     """An assembled form in a norm, int |eta / units|^2 dt = 1, on what the constraints allow."""
 

@@ -12,7 +12,7 @@ integration (E. T. Whittaker, *A Treatise on the Analytical Dynamics* (4th ed. 1
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,7 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.canonical import held_motion_of, momenta_of, motion_of
 from actionopt.mechanics.events import Event, State
 from actionopt.mechanics.problem import Problem
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array
 
 HELD_ROUNDS = 4  # of integrals along a motion under constraints: each gains digits; ad hoc
@@ -143,7 +144,7 @@ def energy(at: DiscretePath) -> Path:
     return Path(at.mesh, found[None])
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class CanonicalPath:
     """A path as one of the motion of order two (`mechanics.canonical`), to be compared with it.
 

@@ -35,6 +35,7 @@ from actionopt.analysis.flow import (
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.compiled import AT_ONCE, Pointwise
 from actionopt.mechanics.events import State
+from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import legendre
 from actionopt.tools.types import EPS, Array
 
@@ -109,7 +110,7 @@ class _Panels(NamedTuple):
     rates: Array
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class FlowAbout(Flow):
     """The equations of motion, for motions about a curve."""
 

@@ -19,7 +19,6 @@ wherever its start is free: its start is kept until its end is reached, and goes
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -33,6 +32,7 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.course import check_free, check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import RANK, Array, NDInt
 from actionopt.tools.watch import check_time
 
@@ -43,7 +43,7 @@ BLURRED = 10.0  # times the path's error: smaller singular values of G say nothi
 ASSUMED_ERROR = 1e-3  # of a path whose own is not known
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Form:
     """The quadratic form d2S of a discrete path, in coordinates a_k of each node's variations.
 
@@ -431,7 +431,7 @@ def check_legendre(form: Form) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class SchurComplement:
     """The form that is left when the inside of a path is eliminated.
 

@@ -11,7 +11,7 @@ no difference is taken, nothing is solved again, and the accuracy is that of the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -35,6 +35,7 @@ from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.blas import one_thread
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import RANK, Array
 
@@ -42,7 +43,7 @@ from actionopt.tools.types import RANK, Array
 SENSITIVITY_RESOLUTION = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Sensitivity:
     """First and second derivatives of the action S(q0, t0, q1, t1; parameters).
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.mechanics.singular_ends import finite_derivatives
 from actionopt.tools.checks import numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force"
 DRAWN_POINTS, DRAWN_COORDINATES = 201, 4  # points of a path in a notebook, and coordinates
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Ends:
     """States and momenta at the two events, of a solution whose system is not at hand.
 
@@ -58,7 +59,7 @@ class Ends:
     unknowns: Unknowns | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Solution:
     """A stationary path between two events; call it with a time.
 

@@ -9,7 +9,6 @@ that the first derivative vanishes to rounding.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -25,6 +24,7 @@ from actionopt.discrete.resolution import resolution
 from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.checks import number, numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # Ad hoc: near round-off.
@@ -34,7 +34,7 @@ PINNED_ETA = 1e-10  # |eta| at a pinned end, relative to its size
 ON_CONSTRAINT = 1e-12  # |f| of a varied path, relative to its change by the coordinates' own size
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Variation:
     """The action S(alpha) along q + alpha eta; call it with alpha.
 

@@ -36,6 +36,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # Ad hoc, but for `DIFFERENCE`.
@@ -55,7 +56,7 @@ RUNAWAY_SIZE = 1e4  # coordinates this many times their size are no path worth f
 Discrete = Transcription | Bordered | ContactEquations
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class BranchPoint:
     """A point of a branch: its transcription, unknowns z, s, and the direction (dz, ds)."""
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -25,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.discrete.mesh import Group
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
 
 # Rows up to which one full matrix is quicker than blocks, n^3 in LAPACK against calls from Python:
@@ -489,7 +489,7 @@ class _Inner:
             local[:, part] -= self.W[:, part, part.stop :] @ local[:, part.stop :]
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Level:
     """Every other node of a block tridiagonal matrix, the k odd ones, eliminated: blocks (k, f, f).
 

@@ -25,6 +25,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import first_state
 from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.mechanics.tracing import MULTIPLIERS
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
 OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
@@ -159,7 +160,7 @@ class Legs(NamedTuple):
     parts: list[tuple[slice, slice, Array, bool]]
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Times:
     """The times of the events: [H] = 0 at each that is free, H = E at an end.
 
@@ -317,7 +318,7 @@ class Times:
 # -- rows of a surface ----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Rows:
     """An event on a surface, on(q, t) = 0: W has the term mu.on, and mu are the unknowns.
 
@@ -402,7 +403,7 @@ class Rows:
 # -- the value of an integral --------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Integral:
     """Integrals along the path that are given, int g dt = G: W has the term kappa.(int g dt - G).
 
@@ -512,7 +513,7 @@ def _has_force(problem: Problem) -> bool:
     return bool((force[:, 0] != 0).any())
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class PhaseCondition:
     """Forces a (k,) along directions B, and as many conditions C z = c that say where the path is.
 

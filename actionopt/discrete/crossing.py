@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.switches import Switches
 from actionopt.mechanics.tracing import SAMPLES
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array
 
 LONGEST_TEXT = 60  # of a surface that is told; ad hoc
@@ -43,7 +44,7 @@ FARTHER = 64 * math.sqrt(EPS)
 WIDER = 4.0 ** np.arange(10)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Jump:
     """Where a path crosses a jump of L: the time, q and v (n,), and by how much L jumps there."""
 

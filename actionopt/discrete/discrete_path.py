@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 
@@ -26,7 +26,7 @@ class Unknowns(NamedTuple):
     units: ActionUnits
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class DiscretePath:
     """A path on a mesh, with the multipliers of its constraints.
 

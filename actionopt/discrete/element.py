@@ -14,18 +14,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.tools.blas import by_each
+from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import Rule, lgl
 from actionopt.tools.types import Array, NDInt
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Element:
     """The polynomials of one degree d, for paths of an order r.
 

@@ -35,7 +35,6 @@ Mostly that need not be drawn up: `plain_drift`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -46,6 +45,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.second_quadrature import Batch
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
+from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import Sampling, lgl
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -73,7 +73,7 @@ NO_ELEMENTS: NDInt = np.empty(0, dtype=np.intp)
 UNDECIDED = 16 * EPS  # of the times: on which side of a step a path is, in such an interval; ad hoc
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Imbalance:
     """Where the balance does not hold.
 
@@ -102,7 +102,7 @@ class Imbalance:
         return f"{where} the energy changes by {abs(self.off[k]):.3g} without a force that shows it"
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Balance:
     """The terms of the balance of energy along a path.
 

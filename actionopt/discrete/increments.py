@@ -11,8 +11,6 @@ last one back, its increment given the node before: Riccati's recursion (A. E. B
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from actionopt.discrete import assemble_blocks
@@ -20,6 +18,7 @@ from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.layout import BorderedLayout
 from actionopt.discrete.transcription import Transcription
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array
 
 # Round-off of the stiffest element over the stiffness of a whole, above which it counts; ad hoc.
@@ -61,7 +60,7 @@ def is_reliable(equations: Equations, factors: Factors, z: Array, residual: Arra
     return bool(np.linalg.norm(back - smooth) < PROBE_STEP / 2)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Step:
     """An element: how it leads from the node x before it to the next one, A x + e.
 

@@ -7,7 +7,6 @@ matrix by one index array, so that assembly has no loop over elements.
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
@@ -21,6 +20,7 @@ from actionopt.discrete.element import element
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
 
@@ -464,7 +464,7 @@ def _pairs(rows: NDInt, cols: NDInt) -> tuple[NDInt, NDInt]:
     return rows.ravel(), cols.ravel()
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Pattern:
     """A sparse matrix in compressed columns, and where each contribution to it goes.
 

@@ -25,7 +25,6 @@ constraint surface, and its multipliers are those of least residual.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -36,6 +35,7 @@ from actionopt.discrete.layout import Layout, Pattern
 from actionopt.discrete.newton import CONTRACTION, SURELY
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
@@ -52,7 +52,7 @@ LEAST_SHIFT = math.sqrt(np.finfo(float).eps)
 NEAR_STEP = 1e-2
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Settled:
     """The end of the steps: z (size,), whether a path is near it, and factorizations used."""
 
@@ -106,7 +106,7 @@ def _plain(tr: Transcription, z: Array) -> Array | None:
         return None
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Masses:
     """The norms in which residuals and steps are measured, along one path.
 

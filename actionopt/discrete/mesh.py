@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.tools.checks import number, numbers, whole
+from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import Rule, lgl, open_rule
 from actionopt.tools.types import Array, NDInt
 
 MAX_DEGREE = 64  # ad hoc; the slopes of a sine have still 12 digits there
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Group:
     """The E elements of one degree d, by their d + 1 nodes.
 
@@ -35,7 +35,7 @@ class Group:
     span: slice
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Mesh:
     """How to discretize time: element boundaries and the polynomial degree of each element.
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors, product
 from actionopt.discrete.increments import factorize, is_reliable, is_stiff
 from actionopt.discrete.transcription import Transcription
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array
 
 # Ad hoc, but flat: on the scenes, each also over 2.3 times its duration (65 problems and 342
@@ -36,7 +36,7 @@ HALF_DIGITS = 1e-8  # of the terms: a larger residual is no round-off, whatever 
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Followed:
     """The end of Newton's method.
 

@@ -8,16 +8,15 @@ chooses it, and adds nothing there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Problem
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Term:
     """linear.eta + eta.matrix eta / 2, eta = q - center at a node between elements.
 

@@ -8,7 +8,6 @@ are all paths.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.splines import make_ppoly, read_pieces
 from actionopt.tools.checks import numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import EPS, Array
 
@@ -24,7 +24,7 @@ from actionopt.tools.types import EPS, Array
 TIME_SLACK = 16 * EPS
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Path:
     """A continuous piecewise-polynomial curve q(t).
 

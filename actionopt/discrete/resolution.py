@@ -9,7 +9,6 @@ it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.instants import SHORTEST
+from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import Rule
 from actionopt.tools.types import Array, NDInt
 
@@ -38,7 +38,7 @@ COEFFICIENT_FLOOR = 2e-16  # about a spacing of floats: nothing smaller is seen
 LOWEST_TARGET = 5e-16  # round-off in the coefficients themselves
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Resolution:
     """How well each element of a mesh represents a path.
 

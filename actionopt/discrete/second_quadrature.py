@@ -10,11 +10,12 @@ and the tolerance are.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from actionopt.discrete.action import Action
+from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import Sampling
 from actionopt.tools.types import Array, NDInt
 
@@ -27,7 +28,7 @@ MASSLESS = 1e-12  # of the largest inertia: what has less has none; ad hoc
 PEAK_SHARE = 0.05  # of the worst panel of an element: one that misses more is of the same feature
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Batch:
     """Elements of one degree that are sampled alike.
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -26,6 +25,7 @@ from actionopt.solver.solve import solve_near
 from actionopt.solver.window import for_search
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import tolerance
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_progress, time_limit
@@ -36,7 +36,7 @@ ROUNDS_TOLD, ROUND_SAMPLES = 24, 240
 PERIOD_PROBES = 16  # random points at which periodicity is checked; ad hoc: one would do, as a rule
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Paths:
     """Distinct stationary paths between the same events, by increasing action.
 

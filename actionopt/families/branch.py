@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -15,13 +14,14 @@ from actionopt.families.marks import Mark
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import solve
 from actionopt.tools.checks import flat_index, number
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
 
 INTERRUPTED = "it was interrupted"
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Trace:
     """A family of stationary paths, in the order in which it was followed.
 

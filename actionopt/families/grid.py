@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 
@@ -13,10 +12,11 @@ from numpy.typing import ArrayLike
 from actionopt.families.vary import Name, present, with_values
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.checks import numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Grid:
     """Members are numbered from 0 as the items of an array of the grid's `shape`.
 

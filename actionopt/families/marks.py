@@ -16,6 +16,7 @@ import numpy as np
 
 from actionopt.discrete.arclength import STRAIGHT_STEP, Branch, BranchPoint
 from actionopt.discrete.path import Path
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 
 LOCATED = 1e-12  # change of arclength that ends the search for a point
@@ -35,7 +36,7 @@ UNSURE_SLOPE, UNSURE_FOLD = 0.5, 0.1
 FOLD_SLOPE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Mark:
     """A point of a branch where something changes.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,11 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, with_values
 from actionopt.mechanics.problem import Problem
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Members:
     """The answers of k members, in the order in which they were given.
 

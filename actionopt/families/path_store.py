@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cached_property
 
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.path import Path
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class PackedPaths:
     """Paths of k members.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -26,6 +26,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
 from actionopt.tools.checks import by_name, flat_index
 from actionopt.tools.files import ready, whole
+from actionopt.tools.immutable import immutable
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import Progress, check_progress, positive_seconds, time_limit
@@ -50,7 +51,7 @@ LONG_NAMES = {
 TAKEN = *LONG_NAMES, "event", "coordinate", "quantity", "member", "file", "allow_pickle"
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Runs:
     """The members of a grid: arrays of its shape, some with further axes behind.
 

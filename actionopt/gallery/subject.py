@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +14,7 @@ from actionopt.plot import Energies, UnitNames, energies_data, motion_data, plan
 from actionopt.plot._names import units_of
 from actionopt.scenes import Scene
 from actionopt.tools.greek import letter
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 from actionopt.tools.words import number, say
 
@@ -22,7 +22,7 @@ SUBJECT_TIMES = 201
 ZERO_RANGE = 1e-9  # what is this small relative to the size counts as zero
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Subject:
     """What a page is about."""
 

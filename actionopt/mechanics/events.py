@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar, NamedTuple, Never
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.tools.checks import items, number, numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import MOST_SHOWN, brief, one_line
 from actionopt.tools.types import Array
 
 RATES = ("v", "a", "j")  # derivatives of coordinates, as events name them
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Event:
     """A point of configuration space-time: a time and the coordinates there.
 
@@ -215,7 +216,7 @@ def _shift(by: Sequence[float] | ArrayLike, n: int | None) -> Array:
     return row
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Bounce(Event):
     """An elastic reflection off the surface on(q, t) = 0, between the ends of a path.
 
@@ -260,7 +261,7 @@ class Bounce(Event):
         return f"Bounce(on=..., t={self.t}, q={q})"
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@immutable
 class Periodic(Event):
     """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
 
@@ -365,7 +366,7 @@ class Phase(NamedTuple):
     weight: float
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@immutable
 class Tail(Event):
     """The edge of a window in time, beyond which a path comes from rest or tends to it.
 
@@ -416,7 +417,7 @@ class Tail(Event):
         return Tail(self.t, moved, self.side, self.phase)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class State:
     """A whole initial-value problem: time, coordinates (n,) and velocities (n,).
 

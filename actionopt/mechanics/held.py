@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
@@ -14,12 +13,13 @@ from numpy.typing import NDArray
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
 ALIKE = 6  # powers of two between coordinates that may be measured in one unit; ad hoc
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@immutable
 class Held(Problem):
     """A problem with an obstacle, rows of which are constraints while they are in contact.
 

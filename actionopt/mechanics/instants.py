@@ -7,7 +7,6 @@ them, paths are as smooth as their elements need; no quadrature has to sum acros
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -16,6 +15,7 @@ import numpy as np
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.switches import REMAINDERS
 from actionopt.mechanics.tracing import SAMPLES, Symbols
+from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import Node, Tape, apply
 from actionopt.tools.types import EPS, Array
 
@@ -39,7 +39,7 @@ ZEROS = {
 CLOCKED = {*ZEROS, *DIFFERENCES, *ROUNDING_CODES, *REMAINDERS}
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class ClockSwitches:
     """The branches of a law that switch with the time alone.
 

@@ -29,6 +29,7 @@ from actionopt.mechanics.switches import (
     switches,
 )
 from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, stack
+from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import Tape
 
 T = TypeVar("T")
@@ -96,7 +97,7 @@ class Structure:
         return self.linear and not self.depends_on_time
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Derivatives:
     """Symbolic derivatives of L at one time; the symmetric ones as upper triangles."""
 

@@ -22,7 +22,6 @@ with Ostrogradsky's momenta p_1, p_2, ... (`canonical`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 from typing import Any, Protocol
@@ -46,6 +45,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System, check_system
 from actionopt.mechanics.tracing import call, column
 from actionopt.tools.checks import numbers, whole
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 Generator = Callable[..., Any] | Sequence[float] | Array
@@ -65,7 +65,7 @@ class HasMotion(Protocol):
     def derivatives(self, t: ArrayLike) -> Array: ...  # noqa: D102
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Conserved:
     """A quantity I(q, v, t) that is constant along every motion; call it with them.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +36,7 @@ from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.checks import by_name, entries, numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -43,7 +44,7 @@ from actionopt.tools.types import EPS, Array, NDInt
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Problem:
     """A system and two events.
 

@@ -20,12 +20,11 @@ Anal.* 10 (1990) 379-405.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.system import System
+from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import Node, Tape, apply
 from actionopt.tools.types import EPS, Array
 
@@ -39,7 +38,7 @@ SIGN_STEPS, SIGN_CHANGE = 60, 1e-14
 SERIES_TERMS = 18  # of exp(x) for |x| < 1/2: 2^-18 / 18! = 6e-22
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Rest:
     """An equilibrium, and the linear manifold of the motions that come from it or tend to it.
 
@@ -150,7 +149,7 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
     return Rest(side, q, momentum, *found, decay.min(), decay.max(), float(L[0]), at.lam)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Linearization:
     """The forces on a system at rest, and how they change with q and v.
 

@@ -10,7 +10,6 @@ curves.)
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +22,7 @@ from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import call, parameter_names, surface
 from actionopt.tools.checks import by_name
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # How far, relative to the surface's own scale, an event may lie off it: numbers that a user writes
@@ -30,7 +30,7 @@ from actionopt.tools.types import Array
 SURFACE_TOLERANCE = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Surface:
     """The s expressions on(q, t) that vanish at an event, traced.
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.tracing import COMPARISONS, Symbols
+from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import Node, Tape, apply
 
 STEP_CODES = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL}
@@ -46,7 +46,7 @@ POWERS = (ca.OP_POW, ca.OP_CONSTPOW)
 MOST_PARTS = 16  # of a minimum, such as the 8 of 1 - |x| - |y| - |z|; ad hoc
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Switches:
     """The steps of L that depend on q or v.
 

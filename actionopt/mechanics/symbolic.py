@@ -22,6 +22,7 @@ from sympy.core.function import AppliedUndef
 from actionopt.mechanics.expressions import Untraceable
 from actionopt.mechanics.laws import Laws
 from actionopt.mechanics.tracing import NO_VALUE, ParameterTable, column, suggestion
+from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import Node, Tape
 
 SIMPLE_FRACTION = 100  # numbers that are fractions of so small a denominator are written as such
@@ -230,7 +231,7 @@ def _expression(x: Any, role: str) -> Any:
 # -- to sympy ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Formulas:
     """A system as sympy writes it; `L, q, v, t = formulas` are the arguments of `from_sympy`.
 

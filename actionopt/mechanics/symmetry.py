@@ -7,7 +7,6 @@ show in the coordinates, and `find_symmetries` those that do not.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -26,6 +25,7 @@ from actionopt.mechanics.noether import (
     points_of,
 )
 from actionopt.mechanics.system import System, check_system
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 from actionopt.tools.watch import check_time
 
@@ -39,7 +39,7 @@ PIVOT = 1e-6  # entries below this are zero in vectors of size one
 INTEGER = 1e-9  # entries this near to an integer are that integer
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Symmetry:
     """A symmetry affine in q and t: xi = b + c t + A q and tau = time + rate t.
 

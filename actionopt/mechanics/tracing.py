@@ -6,7 +6,6 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from types import FunctionType
 from typing import Any
 
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.mechanics.expressions import Expressions, OutOfRange, Untraceable, text_of
 from actionopt.tools.checks import by_name, numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import brief
 from actionopt.tools.types import Array
 
@@ -41,7 +41,7 @@ SAMPLES, TAILED_SAMPLES = 2500, 400
 COMPARISONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Symbols:
     """The arguments of every traced expression: q, v, t and the parameters packed in one column.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import cache, cached_property, wraps
 from types import ModuleType
 from typing import Any
@@ -22,6 +22,7 @@ from actionopt.mechanics.events import RATES, Event, State
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.scenes._shapes import Shape
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -31,7 +32,7 @@ Curve = Callable[[Any], Array]  # of t: (n, K) for K times, (n,) for one time
 Along = Callable[[Array, Array, Any], Array]  # of q, v (n, K) and t
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Facts(Mapping[str, Any]):
     """What is known exactly about a scene, from its source; None is what is not known.
 
@@ -142,7 +143,7 @@ class Measure:
         return self.factor * float(np.sqrt(2 * action * duration))
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Known:
     """A question, and what is known of its answer.
 
@@ -189,7 +190,7 @@ class Known:
         return float(h / 2 * np.tile(w, PANELS) @ L)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@immutable
 class Scene(Known):
     """A named, documented example: what is `Known`, and how it is shown.
 
@@ -207,6 +208,7 @@ class Scene(Known):
         Of one that is no mechanics.
     """
 
+    _: KW_ONLY
     title: str
     draw: Callable[[Array, float], list[Shape]]
     kinetic: Along | None = None
@@ -223,7 +225,7 @@ class Scene(Known):
         return f"Scene({self.name}: {self.title})"
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Setup:
     """What a scene's file returns for given numbers: a `Scene` but for its system and its words.
 

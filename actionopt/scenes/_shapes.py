@@ -7,7 +7,6 @@ time: so the k-th body's points at successive times are its trail.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.tracing import column
 from actionopt.tools.checks import number, numbers, whole
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -23,7 +23,7 @@ BACK = 0.35  # height at which a point at unit depth is seen
 SHAPE_KINDS = ("body", "rod", "spring", "ground")
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Shape:
     """A point or a polyline in the plane, x to the right and y up, or in space, z up.
 

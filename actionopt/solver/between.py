@@ -8,7 +8,7 @@ round interpolates the path on a better mesh and polishes it there, always the s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import Literal
 
@@ -35,6 +35,7 @@ from actionopt.solver.strategies import IPOPT, STRATEGIES
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import COARSEST
+from actionopt.tools.immutable import immutable
 from actionopt.tools.watch import OutOfTime, Watch
 
 Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict with its figures
@@ -42,7 +43,7 @@ Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict wit
 BEFORE_A_JUMP = 3
 
 
-@dataclass(frozen=True)
+@immutable
 class Choices:
     """How a problem is solved: the arguments of `solve`, its method as strategies."""
 

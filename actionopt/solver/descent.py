@@ -10,13 +10,12 @@ a large mu, does not shorten the steps along all the others, as it would without
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from actionopt.discrete.factors import Factors, product
 from actionopt.discrete.newton import CONTRACTION
 from actionopt.discrete.transcription import Transcription
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # Ad hoc, as in any method of this kind, where nothing else is said.
@@ -34,7 +33,7 @@ RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 FAR_OUT = 8.0  # sizes from where it is asked whether S falls on and on
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Descended:
     """The end of a descent.
 

@@ -8,8 +8,6 @@ paths themselves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
@@ -20,6 +18,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_mesh import FIRST_TOL
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, RANK, Array, NDInt
 
 # Ad hoc. Of the full matrices; and shifts, each so many times the last, until one is definite.
@@ -28,7 +27,7 @@ MOST_SHIFTS, SHIFTED = 24, 4.0
 OWN_SIGN = 0.1  # of the largest entry: the first that is larger is positive
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Eigenvectors:
     """The lowest eigenvectors, `rows` (count, unknowns), about a path at `origin` (unknowns,).
 

@@ -13,7 +13,6 @@ work, so its tolerance is loose.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.transcription import Transcription
+from actionopt.tools.immutable import immutable
 from actionopt.tools.interrupts import raised_later
 from actionopt.tools.types import Array
 
@@ -62,7 +62,7 @@ def is_there() -> bool:
     return ca.has_nlpsol("ipopt")
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Attempt:
     """The outcome of one call of Ipopt: the last iterate z, its word, and the iterations."""
 

@@ -12,7 +12,7 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
@@ -26,6 +26,7 @@ from actionopt.discrete.resolution import Resolution, resolution
 from actionopt.mechanics.laws import Structure
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE, diagonal
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ AT_REST = 1e-6  # of its coordinates' sizes, how far a closed path moves that is
 Number = TypeVar("Number", float, Array)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Iterate(DiscretePath):
     """A path under way.
 
@@ -320,7 +321,7 @@ class Iterate(DiscretePath):
         return bool(rates.max() * (self.sizes / speeds).max() > limit)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class UnfixedPath(Iterate):
     """A path under way with what is found beside it: z are the unknowns of `bordered`."""
 

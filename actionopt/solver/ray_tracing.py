@@ -10,7 +10,6 @@ return.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from actionopt.mechanics.course import sides
 from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.reflection import leave
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
 # Ad hoc.
@@ -41,7 +41,7 @@ RETURN_SHIFT = 1e-5  # of the sizes, for differences
 EVENT_MISSED = 100.0  # what an event that is not met costs, of the coordinates' sizes
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Track:
     """Motions as they were integrated: times (S, K), coordinates and velocities (S, K, n)."""
 
@@ -95,7 +95,7 @@ class TracedRays(NamedTuple):
         return np.isfinite(self.times[:, -2])
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class RayTracer:
     """Traces motions from the start of a problem from event to event.
 

@@ -26,6 +26,7 @@ from actionopt.discrete.newton import CONTRACTION
 from actionopt.discrete.transcription import Transcription
 from actionopt.solver.component_newton import SETTLED
 from actionopt.solver.signals import HALVINGS
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # Measured on pendulums of 30 to 100 links: what is found takes 5 to 60 factorizations, and holds up
@@ -42,7 +43,7 @@ FAR_FROM_LINE = 4.0  # a path that is not beside the line any more
 INVERSE_STEPS = 2  # to a mode from a step that is most of it already
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class _Held:
     """A path on which other forces vanish than those f (k,) along the modes (size, k) held.
 

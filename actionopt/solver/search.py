@@ -36,6 +36,7 @@ from actionopt.solver.iterate import Iterate
 from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.workspace import FEW_COORDINATES, ROUGHLY, Workspace
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
@@ -62,7 +63,7 @@ LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again; ad h
 FIRST_FEW = 2
 
 
-@dataclass(frozen=True)
+@immutable
 class Strategy:
     """A way to a first path, from the straight line or a curved one.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from actionopt.analysis.status import Status
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_mesh import COARSE_ELEMENTS
@@ -11,6 +9,7 @@ from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.search import Search, Strategy
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.workspace import PATIENT, Workspace
+from actionopt.tools.immutable import immutable
 
 # Ad hoc, where nothing else is said.
 # Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line, and a
@@ -26,7 +25,7 @@ MEETING_PAIRS, MEETING_ELEMENTS = 32, 48
 MEETING_LOST = 3
 
 
-@dataclass(frozen=True)
+@immutable
 class Newton(Strategy):
     """Damped Newton steps: next to no cost, and known at once whether they lead anywhere.
 
@@ -45,7 +44,7 @@ class Newton(Strategy):
         return ws.approach(convex=self.convex)
 
 
-@dataclass(frozen=True)
+@immutable
 class Descent(Strategy):
     """Descent in the kinetic metric: robust and quick, and sees where S is not bounded below.
 

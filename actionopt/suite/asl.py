@@ -12,18 +12,18 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # AMPL's solve_result_num by its hundreds.
 SOLVE_RESULTS = ("solved", "solved", "infeasible", "unbounded", "gave up", "gave up")
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class AmplResult:
     """What a `.sol` file says: x (n,), lam (m,) or None, a message and AMPL's number of the result.
 

@@ -25,7 +25,7 @@ import functools
 import importlib
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -37,11 +37,12 @@ from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import Facts, Scene
 from actionopt.suite import obstacles
 from actionopt.suite.limits import UNLIMITED, Bounds
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Family:
     """A family of test problems, of any size.
 

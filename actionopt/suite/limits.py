@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 Bound = float | Callable[[Array], Array]  # of times (K,) where it moves
@@ -15,7 +15,7 @@ NO_LIMITS: Sides = (-np.inf, np.inf)
 EQUAL: Sides = (0.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Bounds:
     """Lower and upper bounds, in the units of the scene, of as many as are given.
 

@@ -7,7 +7,6 @@ for each, from arrays, and never has the whole expression in memory.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -15,6 +14,7 @@ import numpy as np
 
 from actionopt.suite.action import ActionProgram
 from actionopt.suite.stars import least_multipliers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array, NDInt
 
@@ -130,7 +130,7 @@ class Listing:
                     )
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Evaluation:
     """One term of f.
 
@@ -158,7 +158,7 @@ class Evaluation:
     weight: float
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class ConstraintRow:
     """One row of c: function `which`, at a node.
 

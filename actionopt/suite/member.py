@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from actionopt.suite.program import Program
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 THINNED = 1 / 0.9  # histories: ad hoc
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Stationary:
     """A stationary point that is known: x (n,), f there, and its index.
 

@@ -7,7 +7,6 @@ force or leave it: where none does, one Newton step is nearly enough.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,14 @@ from numpy.typing import NDArray
 from actionopt import suite
 from actionopt.suite import solvers
 from actionopt.suite.member import Member
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 AT_BOUND = 1e-9  # in units of x, or of a row: what is so near its bound is in force
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class SequenceStep:
     """A member, and what is known from the one before.
 

@@ -27,7 +27,6 @@ import importlib
 import importlib.util
 import runpy
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -47,6 +46,7 @@ from actionopt.suite.interfaces import (
 )
 from actionopt.suite.program import Given, Program
 from actionopt.suite.words import OUTCOME_WORDS, message
+from actionopt.tools.immutable import immutable
 from actionopt.tools.process import children_time, count_anew
 from actionopt.tools.types import Array
 
@@ -130,7 +130,7 @@ class Mistake(RuntimeError):
     """A mistake in a solver's own file."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class SolverResult:
     """What a solver returned.
 

@@ -8,7 +8,6 @@ tolerance; the discrete optimum from Newton's method, started at the path on the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -21,6 +20,7 @@ from actionopt.scenes import Scene
 from actionopt.solver.ipopt import find
 from actionopt.solver.solve import solve
 from actionopt.suite.families import sample
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 TIGHT = 1e-12  # tolerance of the solve, where there is no closed form
@@ -31,7 +31,7 @@ NO_PATH = 0.1
 SAME_STAR = 1e-3  # paths nearer than this, in the coordinates' sizes, are the same
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Continuous:
     """The path of the continuous problem.
 
@@ -56,7 +56,7 @@ class Continuous:
     source: str
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Star:
     """A stationary point of the discrete problem, in the transcription's units.
 

@@ -7,12 +7,13 @@ good to 1e-12 is good to 1e-10 only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, cached_property
 
 import numpy as np
 
 from actionopt.tools.blas import by_each
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 # Degrees more of the other quadrature of a rule, whose points lie between the nodes. Odd, or both
@@ -20,7 +21,7 @@ from actionopt.tools.types import Array
 EXTRA_DEGREES = 3
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Sampling:
     """A quadrature with m + 1 points for the polynomials with given values at d + 1 nodes.
 
@@ -136,7 +137,7 @@ class Sampling:
         return parts[:, :, :, :-1].reshape(E, n, points).transpose(0, 2, 1), ends[:, :, -1]
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Rule:
     """The LGL rule of one polynomial degree d (d + 1 points, exact to degree 2d - 1).
 
@@ -287,7 +288,7 @@ def lgl(degree: int) -> Rule:
 CLOSED, OPEN, RESTING = range(3)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class OpenRule(Rule):
     """A rule that looks at nothing at an open end, and whose polynomials may begin at rest there.
 

@@ -12,6 +12,7 @@ import numpy as np
 
 import actionopt as ao
 from actionopt.scenes import Known
+from actionopt.tools.immutable import immutable
 from benchmarks.stress import peers
 
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -21,7 +22,7 @@ SAMPLES = 2001
 LARGE = 40  # coordinates above which the peers' dense matrices take too long to be tried
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Question(Known):
     """What is asked, and how accurately; the peers start from its `guess`, too."""
 

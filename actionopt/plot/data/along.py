@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from actionopt.mechanics.symmetry import noether
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
 from actionopt.tools.checks import numbers
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -27,7 +27,7 @@ def times(solution: Solution, count: int = CURVE_TIMES) -> Array:
     return np.linspace(solution.problem.start.t, solution.problem.end.t, count)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Curves:
     """What the pictures show, at K times.
 
@@ -69,7 +69,7 @@ def forward_values(solution: Solution, t: Array) -> Array:
     return result
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Energies:
     """Kinetic and potential energy at K times, (K,), V = T - L.
 
@@ -136,7 +136,7 @@ def energies_data(
     )
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class ConservedCurves:
     """Energy function and momenta at K times.
 

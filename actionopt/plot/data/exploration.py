@@ -8,7 +8,7 @@ from the motion is kept, so that one variation can be seen to raise S before and
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 from actionopt.analysis.conjugate import SAME_ROOT, ConjugatePoint, conjugate_points
@@ -22,6 +22,7 @@ from actionopt.plot.data.trial import Trial, move_node, straight, trial_at
 from actionopt.solver.arguments import Guess
 from actionopt.solver.search import REACHED
 from actionopt.solver.solve import solve
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 
 LONGEST_CONTINUED = 3.0  # durations of the first problem, to which its motion is continued
@@ -32,7 +33,7 @@ CONJUGATE = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Continuation:
     """A stationary path continued forward beyond its end.
 
@@ -98,7 +99,7 @@ def _conjugate(solution: Solution) -> tuple[ConjugatePoint, ...]:
 # -- the exploration -----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Exploration:
     """What is known at one moment: the trial, and the stationary path if one was found.
 

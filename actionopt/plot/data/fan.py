@@ -7,8 +7,6 @@ meet them in the direction p = dS/dq.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.tri import Triangulation
 
@@ -21,6 +19,7 @@ from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -38,7 +37,7 @@ RAGGED = 4  # times that triangles which hang on by one edge are taken away
 GAUSS = np.polynomial.legendre.leggauss(3)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Fan:
     """Motions from one event at K times.
 
@@ -96,7 +95,7 @@ def fan_data(solution: Solution, count: int = 12, spread: float = 0.15) -> Fan:
     return Fan(t, solution(t), q, points, index)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Fronts:
     """The action of motions from one event.
 
@@ -171,7 +170,7 @@ def over_time(data: Fronts) -> tuple[Triangulation, Array]:
     return Triangulation(t, q, corners, _turns_over(t, q, corners)), data.action[:, keep].ravel()
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Sheet:
     """S over the places that B motions have reached at one time.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -16,6 +16,7 @@ from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import sizes
 from actionopt.scenes import Shape, project
 from actionopt.tools.checks import entries
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -31,7 +32,7 @@ LONGEST_ARROW = 0.25  # of the picture's size: the longest arrow
 DATA_UNITS = 2000  # a picture's size in the units to which plain data are rounded
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Motion:
     """What is seen at K times; S shapes, B of them bodies.
 

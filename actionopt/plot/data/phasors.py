@@ -16,8 +16,6 @@ Integration* (1981), chapter 17, for the index.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from actionopt.analysis.solution import Solution
@@ -26,6 +24,7 @@ from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import directions
 from actionopt.tools.checks import number
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -37,7 +36,7 @@ COUNT_ARROWS = 481  # twenty a turn where they turn fastest
 ARROWS_DRAWN = 41
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Phasors:
     """Arrows along a mode of the second variation, K of them.
 

@@ -15,7 +15,6 @@ Newton's method takes B = d2S itself and so reaches the true path whether it is 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +28,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.trial import weights
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -44,7 +44,7 @@ START_WAVES, WILD = 8, 0.35  # waves of the start, and their size in parts of th
 RELAXATION_TIMES = 201  # times at which paths are kept
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Relaxation:
     """R + 1 paths, the first one the start, and what changed from each to the next.
 

@@ -19,7 +19,6 @@ the distance from the equations of Lagrange and d'Alembert all the same.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +30,7 @@ from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import Guess, curve
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -39,7 +39,7 @@ SPAN_ELEMENTS, SPAN_DEGREE = 4, 10  # of each span
 ON_SURFACE = 1e-9  # |f| of a trial, relative to its change by the coordinates' own size
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Trial:
     """A trial path between the events of a problem.
 

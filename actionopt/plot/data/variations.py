@@ -6,7 +6,6 @@ Modes and variations are in the path's own size, how far each coordinate ranges.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +25,7 @@ from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
 from actionopt.tools.blas import one_thread
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -80,7 +80,7 @@ def both_ways(eigenvalues: Array, count: int = 2) -> list[int]:
     return [*range(last), max(last, int(up[0])) if up.size else last]
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Bundle:
     """Varied paths at K times.
 
@@ -129,7 +129,7 @@ def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundl
     return Bundle(t, solution(t), np.array(varied), np.array(rise))
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Slice:
     """S along q + alpha eta at K values of alpha.
 
@@ -175,7 +175,7 @@ def _check_finite(values: ArrayLike, name: str, given: float) -> None:
         raise ValueError(f"expected {name} with finite actions, found {given:g}; try a smaller one")
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Landscape:
     """S - S* over q + a eta_1 + b eta_2.
 
@@ -234,7 +234,7 @@ def over_modes(solution: Solution, t: Array, q: Array) -> Array:
     return np.linalg.lstsq(shapes, away.T, rcond=None)[0].T
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class Spectrum:
     """Eigenvalues of d2S on the first part of a path, as a function of its duration.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,11 +11,12 @@ import numpy as np
 
 from actionopt.suite.member import Member, Stationary
 from actionopt.suite.models.expressions import WrittenProgram
+from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 
-@dataclass(frozen=True, eq=False)
+@immutable
 class KnownAnswer:
     """What is known of a model.
 
