@@ -32,7 +32,7 @@ from benchmarks.results import DOCS, brief, made_by, table
 from benchmarks.scaling import LARGEST, power
 
 PAGE = DOCS / "benchmarks" / "beside.md"
-TURNS, ENOUGH, LIMIT, TOL = 3, 1.0, 6.0, 1e-8  # after ENOUGH seconds no turn begins
+TURNS, ENOUGH, LIMIT, TOL = 3, 1.0, 12.0, 1e-8  # after ENOUGH seconds no turn begins
 SIZES, TOLERANCES = (2, 5, 20), (1e-6, 1e-12)
 
 
