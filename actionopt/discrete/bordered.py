@@ -251,7 +251,11 @@ class Bordered:
 
     def misread(self, y: Array) -> Array:
         """Return the change of the residual, (size,), if numbers are read as the next floats."""
-        return self._of_path(self.at(y).misread(y))
+        found = self._of_path(self.at(y).misread(y))
+        for border, part in zip(self.borders, self.parts, strict=True):
+            if isinstance(border, Integral):
+                found[part] = border.misread(self.discrete(y))
+        return found
 
     def _of_path(self, residual: Array) -> Array:
         """Return the residual (size,) of which that of the path is given, the rest zero."""

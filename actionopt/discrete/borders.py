@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.integrals import integrals, integrals_by_times
+from actionopt.discrete.integrals import integrals, integrals_by_times, integrands
 from actionopt.discrete.surfaces import event_at, reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.identity import general_points
@@ -26,7 +26,7 @@ from actionopt.mechanics.scales import first_state
 from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.mechanics.tracing import MULTIPLIERS
 from actionopt.tools.immutable import immutable
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import EPS, Array, NDInt
 
 OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
 # The same of a leg beside others, whose times have to be told apart: exp(-24) is 4e-11. Ad hoc.
@@ -458,6 +458,10 @@ class Integral:
         rows[:, : layout.unknowns] = integrals(at)[1] / self.units[:, None]
         times = None if bend.path is None else integrals_by_times(at) / self.units[:, None]
         return Edges(rows.T, rows, np.zeros((c, c)), times)
+
+    def misread(self, at: DiscretePath) -> Array:
+        """Return the round-off of the rows, (c,): an eps each for the values and for the sums."""
+        return 2 * EPS * (at.tr.weight[:, 0] @ np.abs(integrands(at)[0])) / self.units
 
 
 # -- where a closed path begins -------------------------------------------------------------------

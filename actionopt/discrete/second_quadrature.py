@@ -17,7 +17,7 @@ import numpy as np
 from actionopt.discrete.action import Action
 from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import Sampling
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import EPS, Array, NDInt
 
 PANEL_COUNTS = np.sort([2**k * f for k in range(13) for f in (1, 3)])  # few kinds of elements
 # Ad hoc. A third of the shares or three times as much, or 2 to 8 parts: 2 % of the unknowns and two
@@ -25,6 +25,7 @@ PANEL_COUNTS = np.sort([2**k * f for k in range(13) for f in (1, 3)])  # few kin
 CUT_SHARE = 0.1  # of what the worst element misses, for which one is cut
 CUT_PARTS = 4  # in so many
 MASSLESS = 1e-12  # of the largest inertia: what has less has none; ad hoc
+NO_DEPARTURE = 16 * EPS  # of a momentum, in sums of forces; ad hoc
 PEAK_SHARE = 0.05  # of the worst panel of an element: one that misses more is of the same feature
 
 
@@ -254,7 +255,11 @@ def departure(
         v = _multiply(tangent, gained - whole[:, None] / 2) @ inverse
     q, whole = rule.integrals(v)
     mean = whole[:, None] / 2
-    return half * (q - mean * (rule.nodes[:, None] + 1)), v - mean
+    q, v = q - mean * (rule.nodes[:, None] + 1), v - mean
+    # Where there is little inertia the round-off of a momentum would be a large departure.
+    still = (np.abs(v) <= NO_DEPARTURE * np.abs(momentum) @ np.abs(inverse)).all(axis=(1, 2))
+    q[still], v[still] = 0.0, 0.0
+    return half * q, v
 
 
 def _multiply(matrices: Array, vectors: Array) -> Array:

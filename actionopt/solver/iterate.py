@@ -291,12 +291,18 @@ class Iterate(DiscretePath):
         far = max(abs(start), abs(end)) > LATE_TIME * (end - start)
         return far and self.problem.system.structure.depends_on_time
 
-    def misread(self) -> float:
-        """Return how far the path moves if times and coordinates are read as their neighbours.
+    @property
+    def is_misread(self) -> bool:
+        """Whether what is given may be rounded more coarsely than Newton's last step shows."""
+        return self.late
 
-        That is their round-off; zero where they are near zero: there it is that of all numbers.
+    def misread(self) -> float:
+        """Return how far the path moves if what is given is read as the numbers next to it.
+
+        That is the round-off of times, coordinates and integrals; zero where times and coordinates
+        are near zero: there it is that of all numbers.
         """
-        if not self.late and self.tr.origin is None:
+        if not self.is_misread and self.tr.origin is None:
             return 0.0
         equations = self.equations
         factors = factorize(equations, self.z)
@@ -336,6 +342,11 @@ class UnfixedPath(Iterate):
     def reach(self) -> float:
         """How far it moves, in its sizes, as a duration that is sought grows in its own."""
         return self.bordered.reach
+
+    @property
+    def is_misread(self) -> bool:
+        """Whether times are, or integrals are given: where they hardly change, this tells much."""
+        return self.late or self.bordered.problem.integral is not None
 
     @property
     def index(self) -> int:

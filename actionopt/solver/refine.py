@@ -77,7 +77,7 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
         if resolved:
             last, missed = missed, ws.quadrature_shift()
             here = ws.here
-            error = max(here.error, SAFETY * missed) + (here.misread() if here.late else 0.0)
+            error = max(here.error, SAFETY * missed) + (here.misread() if here.is_misread else 0.0)
             if error != here.error:
                 here = ws.here = replace(here, error=error)
             if error <= tol:
@@ -97,7 +97,7 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
             if error > tol and (stalled or _size(ws, mesh) > AVERAGING_SIZE):
                 misread = here.misread()
                 if missed <= EXPLAINED_BY_ROUNDOFF * misread:
-                    ws.hint = _misread(ws, misread) if here.late else ""
+                    ws.hint = _misread(ws, misread) if here.is_misread else ""
                     return Status.FLOOR
             if stalled == STALLED:
                 return _failure(ws)
@@ -142,7 +142,12 @@ def _size(ws: Workspace, mesh: Mesh) -> int:
 
 
 def _misread(ws: Workspace, misread: float) -> str:
-    """Return a hint: the round-off of times moves the path by so much."""
+    """Return a hint: the round-off of times, or of integrals, moves the path by so much."""
+    if not ws.here.late:
+        return (
+            "integrals are given, and summed, to 16 digits only, which alone moves the path by "
+            f"about {misread:.1g}: they hardly change with it"
+        )
     t = float(np.abs(ws.here.mesh.boundaries[[0, -1]]).max())
     return (
         f"times near {t:.6g} are known to {np.spacing(t):.1g} only, which alone moves the path by "

@@ -215,8 +215,16 @@ def _project(
 ) -> Array | None:
     """Return unknowns origin + a.variations with these integrals (c,); None if none is found.
 
-    Gauss and Newton's method takes steps of least length in the amplitudes a.
+    Gauss and Newton's method takes steps of least length in the amplitudes a. It begins where a
+    are of the size asked: a length grows with their square, and the steps down to a rope that is
+    hardly longer than the straight line would turn from side to side.
     """
+    off = np.abs(_correct(tr, origin, variations, a, values)[0])
+    while a.any() and np.isfinite(off).all():
+        halved = np.abs(_correct(tr, origin, variations, a / 2, values)[0])
+        if not (halved.max() < off.max()):
+            break
+        a, off = a / 2, halved
     for _ in range(2 * PATIENT):
         off, step = _correct(tr, origin, variations, a, values)
         if not (np.isfinite(off).all() and np.isfinite(step).all()):
