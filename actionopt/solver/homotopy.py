@@ -30,9 +30,7 @@ RUNAWAY_FORCE, RUNAWAY_CURVE = 100.0, 50.0
 # Steps of arclength in s and the coordinates' root mean square; halved where the corrector fails.
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
-# Correction, in units of the coordinates' sizes, that ends a corrector: its square is left. The
-# points between only lead on, and what the last misses of s = 1 is made good along the curve.
-CORRECTOR_TOL = 1e-3
+CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
 CURVE_END = 1.5  # an s at which the curve is not near the path any more
 
 
@@ -46,9 +44,8 @@ def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array | None, int]:
     for _ in range(steps):
         if not way.advance():
             break
-        if way.s >= 1.0 - CORRECTOR_TOL:
-            assert way.direction is not None
-            return way.z + (1.0 - way.s) / way.ds * way.direction, way.count
+        if way.s >= 1.0 - 1e-9:
+            return way.z, way.count
     return None, way.count
 
 
