@@ -185,7 +185,7 @@ class Solution:
                 "expected a path of System.geodesic(length, coordinates), found one of a "
                 "Lagrangian: it has an action, and no length"
             )
-        state = self(t).T, self.velocity(t).T, t[:, None], problem.packed
+        state = self(t).T, self.path.velocity(t).T, t[:, None], problem.packed
         F = problem.system.pointwise("length")(*state)[0]
         if not F.min() >= 0:
             raise ValueError(
