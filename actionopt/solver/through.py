@@ -96,9 +96,9 @@ def solve_through(
         ):
             best, hint = solution, why
         if best.status is Status.DEGENERATE:
-            left -= 1
             if not left:
                 break
+            left -= 1
     if best is None and problem.integral is not None:
         raise ValueError(
             f"expected values of the integrals that a first path between the events reaches, found "
