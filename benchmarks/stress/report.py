@@ -41,7 +41,7 @@ def page(families: dict, before: dict) -> str:
         "`solve_bvp` and shooting (DOP853 and Powell's method) start from the same first path,",
         "with the same accelerations, and have 3 s for each case; they difference for Jacobians,",
         "so that not their times but their successes are to be compared. Times are of the",
-        "processor, but of threads by the clock; those of 2026-11-27 are longer than the",
+        "processor, but of threads by the clock; those since 2026-11-27 are longer than the",
         "machine's own, as it was busy with other work. Errors are the largest over time of",
         "|q - exact|, each coordinate in units of the largest |q| it reaches. A path is *verified",
         "forward* by integrating the equations of motion over each element from the path's own",
