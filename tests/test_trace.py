@@ -232,6 +232,8 @@ def test_bad_arguments():
         trace(systems.bratu(), "lam", 1.0)
     with pytest.raises(ValueError, match="expected start"):
         trace(systems.soap_film(0.5), systems.soap_film, 0.6)
+    with pytest.raises(ValueError, match=r"found \(\)"):
+        trace(systems.bratu(), (), 1.0)
     with pytest.raises(ValueError, match="coordinate that the event gives"):
         trace(systems.bratu(), ("end", "v"), 1.0)
     with pytest.raises(ValueError, match="expected a Problem"):

@@ -52,7 +52,7 @@ def present(problem: Problem, name: Name) -> float:
                 f"expected a finite time to vary, found the event at infinity as {name!r}"
             )
         return event.t
-    if isinstance(name, tuple) and name[0] in ("start", "end", "through", "integral"):
+    if isinstance(name, tuple) and name and name[0] in ("start", "end", "through", "integral"):
         return _of_events(problem, name)
     known = {k: x for k, x in problem.parameters.items() if k not in (SWITCHES, MULTIPLIERS)}
     if isinstance(name, str) and name in known and np.ndim(known[name]) == 0:
