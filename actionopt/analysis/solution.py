@@ -455,13 +455,14 @@ class Solution:
             return self._beyond(t, 1)
         found = self.path.velocity(t)
         if self._momenta_tell:
-            rates = self._leg_velocities
-            v = np.vstack([rates[:, 0], rates[-1:, 1]])
             b = self.mesh.boundaries[[0, -1]]
             times = np.array([b[0], *(e.t for e in self.problem.through), b[1]])
             near = np.abs(np.ravel(t)[:, None] - times) <= TIME_SLACK * np.abs(b).max()
             at, which = np.nonzero(near)
-            found.reshape(v.shape[1], -1)[:, at] = v[which].T
+            if at.size:
+                rates = self._leg_velocities
+                v = np.vstack([rates[:, 0], rates[-1:, 1]])
+                found.reshape(v.shape[1], -1)[:, at] = v[which].T
         return found
 
     def _beyond(self, t: ArrayLike, derivatives: int) -> Array:

@@ -261,13 +261,6 @@ class RayTracer:
         on = self.at.joints[joint].on
         return on.values(q.reshape(-1, q.shape[-1]), t.reshape(-1), self.at.packed).reshape(t.shape)
 
-    def _inside(self, joint: int, q: Array, t: Array) -> Array:
-        """Return whether samples q (S, K, n) at t (S, K) but the first are inside of a wall.
-
-        So are those that repeat the first one, which may be on it, where a step was taken again.
-        """
-        return (self._on(joint, q, t)[1:] > 0) | (t[1:] == t[0])
-
     def _far(self, joint: int, q: Array, t: Array) -> Array:
         """Return how far places q (K, n) at t (K,) are from a surface, in the sizes, (K,)."""
         on, by_q, _ = self.at.joints[joint].on.along(q, t, self.at.packed)
@@ -284,17 +277,16 @@ class RayTracer:
         columns = np.arange(t.shape[1])
         q, _ = track.at(steps[:, None], columns[None], t)
         on = self._on(joint, q, t)
-        left = np.argmax(t > t[0], axis=0)  # a step may have been taken again: shorter
-        side = np.ones(columns.size) if isinstance(event, Bounce) else np.sign(on[left, columns])
+        side = np.ones(columns.size) if isinstance(event, Bounce) else np.sign(on[1])
         on = np.where(np.isfinite(on), on, -np.inf) * side
         if on.shape[0] < 3:
             return np.full(columns.size, np.inf), (steps[:0], t[0, :0], columns[:0])
-        out = (on[1:] <= 0) & (t[1:] > t[0])
+        out = on[1:] <= 0
         first = np.argmax(out, axis=0) + 1
-        crossed = out.any(axis=0) & (first > left) & np.isfinite(on[first, columns])
+        crossed = out.any(axis=0) & (first > 1) & np.isfinite(on[first, columns])
         asked = np.isfinite(on[1:])
         for other in self.walls[leg]:
-            inside = self._inside(other, q, t)
+            inside = self._on(other, q, t)[1:] > 0
             crossed &= inside.all(axis=0) | (np.argmin(inside, axis=0) + 1 >= first)
             asked &= np.logical_and.accumulate(inside, axis=0)
         # Where it comes nearer: what leaves a surface to return to it is next to it first.
@@ -344,7 +336,8 @@ class RayTracer:
         q, v = track.at(steps[:, None], columns[None], t)
         cost = self._miss(q, v, t, first)
         for other in self.walls[leg]:
-            cost[1:][~np.logical_and.accumulate(self._inside(other, q, t), axis=0)] = np.inf
+            inside = np.logical_and.accumulate(self._on(other, q, t)[1:] > 0, axis=0)
+            cost[1:][~inside] = np.inf
         k = np.argmin(cost, axis=0)
         low, high = t[np.maximum(k - 1, 0), columns], t[np.minimum(k + 1, len(t) - 1), columns]
         best = t[k, columns]
@@ -446,7 +439,7 @@ class ClosedRayTracer(RayTracer):
         q, v = track.at(track.step(at), columns, at)
         cost = np.where(track.times[0] < at, self._miss(q, v, at, first), EVENT_MISSED)
         for other in self.walls[leg]:
-            out = (~self._inside(other, between, t) & (t[1:] <= at)).any(axis=0)
+            out = (~(self._on(other, between, t)[1:] > 0) & (t[1:] <= at)).any(axis=0)
             cost[out] = EVENT_MISSED
         return cost, q, at
 
