@@ -268,13 +268,17 @@ def restrict(basis: Array, rows: Array) -> Array:
     return basis @ np.linalg.svd(of_basis)[2][len(rows) :].T
 
 
-def merge_contacts(held: Held, a: float, b: float) -> tuple[Arc, ...]:
-    """Return the parts in contact when what is between two times of contact has vanished."""
+def merge_contacts(held: Held, a: float, b: float, *, moments: bool) -> tuple[Arc, ...]:
+    """Return the parts in contact when what is between two times of contact has vanished.
+
+    With `moments` what is left of an arc is one, and of two of them one; else there are none but
+    at given times.
+    """
     both = a if a in held.fixed_times else b if b in held.fixed_times else (a + b) / 2
     found: list[Arc] = []
     for arc in sorted(held.arcs or (), key=lambda arc: (arc.row, arc.begin)):
         begin, end = (both if t in (a, b) else t for t in (arc.begin, arc.end))
-        if begin == end and begin not in held.fixed_times:
+        if begin == end and not moments and begin not in held.fixed_times:
             continue
         if found and found[-1].row == arc.row and begin <= found[-1].end:
             begin = found.pop().begin

@@ -342,7 +342,7 @@ class Along(Workspace[Iterate]):
 
     def _merge(self, a: float, b: float) -> tuple[Arc, ...]:
         """Return the parts in contact when what is between two times has vanished."""
-        return merge_contacts(self.contact_problem, a, b)
+        return merge_contacts(self.contact_problem, a, b, moments=False)
 
     def _shift(self, times: Array, step: Array) -> None:
         """Move the times of contact, and the mesh and the path with them."""

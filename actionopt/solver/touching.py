@@ -26,6 +26,7 @@ import numpy as np
 from actionopt.analysis.status import Status
 from actionopt.discrete.borders import times_of
 from actionopt.discrete.boundaries import with_boundaries
+from actionopt.discrete.contact_times import merge_contacts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -87,18 +88,8 @@ class Touching(Along):
         return np.zeros((path.mesh.nodes.size, self.contact_problem.system.m))
 
     def _merge(self, a: float, b: float) -> tuple[Arc, ...]:
-        """Return the parts in contact when what is between two times has vanished.
-
-        What is left of an arc is a moment, and of two moments one.
-        """
-        held, found = self.contact_problem, []
-        both = a if a in held.fixed_times else b if b in held.fixed_times else (a + b) / 2
-        for arc in sorted(held.arcs or (), key=lambda arc: (arc.row, arc.begin)):
-            begin, end = (both if t in (a, b) else t for t in (arc.begin, arc.end))
-            if found and found[-1].row == arc.row and begin <= found[-1].end:
-                begin = found.pop().begin
-            found.append(Arc(arc.row, begin, end))
-        return tuple(found)
+        """Return the parts in contact when what is between two times has vanished."""
+        return merge_contacts(self.contact_problem, a, b, moments=True)
 
     def next_contacts(self, allowed: float) -> tuple[Arc, ...] | None:
         """Return other parts to hold, if the path violates a condition somewhere; else None.
