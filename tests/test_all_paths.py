@@ -29,6 +29,7 @@ def test_projectile_has_one_path():
     assert "no others" in str(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("lam", "actions"),
     [(1.0, [-1.0465167047946651, 16.440013090858122]),

@@ -65,6 +65,7 @@ def test_no_path_is_said():
     assert newton_homotopy(tr, tr.pack(tr.straight()))[0] is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("links", [30, pytest.param(70, marks=pytest.mark.slow)])
 def test_a_small_swing_of_many_links_near_a_resonance(links):
     """Damped steps end where the matrix is singular. Of 70 links a mode makes 1.005 half turns."""

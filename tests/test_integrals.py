@@ -417,6 +417,7 @@ def test_states_on_a_ring():
         assert state.action == pytest.approx(known / 2, rel=1e-9) and state.morse_index == k
 
 
+@pytest.mark.long
 def test_the_closed_curve_round_a_given_area():
     """A circle, anywhere in the plane: int v^2 / 2 = 2 pi area in the time 1."""
     system = systems.particle("x y", integral=lambda q, v, t: (q[0] * v[1] - q[1] * v[0]) / 2)

@@ -713,6 +713,7 @@ def test_a_string_round_a_disc_through_points_at_times_that_are_found(seed, ener
     assert len(sol.contacts) == touched.sum() and sol.morse_index == 0
 
 
+@pytest.mark.long
 def test_a_string_round_a_disc_to_a_line_and_back():
     """As if the way went on behind the line, as in a mirror."""
     line = ao.Event(None, None, on=lambda q, t: q[1] - 2)
@@ -865,6 +866,7 @@ def test_round_a_peg_that_is_hardly_there(R, form):
     assert pull == pytest.approx(2 * sol.action / R, rel=1e-4)
 
 
+@pytest.mark.long
 def test_no_path_goes_through_a_peg_unseen():
     """Its distance is least in a tip, where parabolas do not lead."""
     peg = ao.Problem(body(distance(1e-4)), ao.Event(0, [-1.3, 0.4]), ao.Event(1, [1.5, -0.4616]))

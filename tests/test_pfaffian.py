@@ -77,6 +77,7 @@ def test_rolling_in_differential_form_is_the_rolling_scene():
     assert ao.solve(other).success
 
 
+@pytest.mark.long
 def test_a_leaf_of_two_rows_that_are_integrable_together():
     def rows(q):  # q2 constant, and then q1 - q2 q3 constant
         return [[1.0, 0.0, -q[1]], [0.0, 1.0, 0.0]]

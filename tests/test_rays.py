@@ -231,6 +231,7 @@ def test_states_are_sought_between_neighbours_that_part():
     np.testing.assert_allclose(search.between(100), [[0.0]], atol=1e-12)
 
 
+@pytest.mark.long
 def test_closed_rays_of_a_spring_and_a_wall():
     """x'' = -x and a wall at 1: a period of 4 has v = 1 / sin((4 - pi) / 2) at 0."""
     wall, v = ao.Bounce(lambda q, t: 3 * (1 - q[0])), 1 / np.sin((4 - np.pi) / 2)

@@ -114,6 +114,7 @@ def test_a_verdict_on_families_is_not_left_half_done(monkeypatch):
     assert found.status is ao.Status.NOT_FOUND
 
 
+@pytest.mark.long
 def test_a_verdict_on_families_ends_with_the_time(monkeypatch):
     def endless(*given):
         for _ in range(1000):  # five seconds

@@ -343,6 +343,7 @@ def test_tolerance_is_the_noise_of_a_throw():
     assert 0 < noise[0] < 1e-9 < 1e-6 < noise[1] < 1e-3
 
 
+@pytest.mark.long
 def test_values_alone_are_given_where_there_are_no_derivatives(tmp_path):
     mine = tmp_path / "mine.py"
     mine.write_text("def solve(p, x0):\n    assert not hasattr(p, 'gradient')\n    return x0")
