@@ -83,11 +83,11 @@ def may_have_unsampled(
     By q (n, K, C) at times (K, C) since the start, the duration and the start (C,) and the
     parameters (C, P).
     """
-    arguments, gap = system.step_arguments, duration / system.structure.samples
+    arguments = system.step_arguments
     if arguments is None:
         return np.zeros(len(start), dtype=bool)
     known = q, np.empty(0), (start + since)[None], packed.T[:, None]
-    return arguments.may_be_narrow(known, since, gap)
+    return arguments.may_be_narrow(known, since, duration / system.structure.samples)
 
 
 def _sample_times(at: DiscretePath) -> Array:

@@ -37,7 +37,6 @@ from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
 from actionopt.families.vary import lead_to, position_in_parameters, slope, slope_along
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.pulses import centres
-from actionopt.solver.arguments import check_arguments
 from actionopt.solver.iterate import (
     LATE_TIME,
     ROUNDED,
@@ -111,9 +110,8 @@ def solve_run(
     ------
     ValueError
         If a name is not one of these, values are not k finite numbers, or times do not
-        increase; and as `solve` does for `tol` and the guess.
+        increase.
     """
-    check_arguments(problem, tol, guess, "auto", None)
     run = _Members(problem, columns, tol, index, limited)
     run.go(guess, first, given or {})
     return run.members()
@@ -486,8 +484,6 @@ class _Members:
     def _may_have_unsampled(self, at: _MeshLevel, which: NDInt, Q: Array) -> Array:
         """Return on the paths of which members L may have steps between samples, (C,)."""
         system, start = self.problem.system, self.times[which, 0]
-        if not system.structure.hides:
-            return np.zeros(which.size, dtype=bool)
         mesh, duration = at.shape.mesh, self.times[which, 1] - start
         since = np.multiply.outer(mesh.nodes_since / mesh.duration, duration)
         q = Q.transpose(2, 1, 0)

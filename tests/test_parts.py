@@ -1,0 +1,303 @@
+"""Single functions against closed forms: what searches, choices and first guesses are made of."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import systems
+
+import actionopt as ao
+from actionopt import Event, Mesh, Problem, System
+from actionopt.discrete import bordered, energy_balance
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.families import budget, searches
+from actionopt.mechanics.obstacle import put_on_obstacle
+from actionopt.solver import free_contact, near_guess, revisions, through, two_sided_shooting
+from actionopt.solver.between import Choices
+from actionopt.solver.rays import ways_on
+from actionopt.solver.search import Search
+from actionopt.solver.strategies import STRATEGIES
+from actionopt.solver.taut_strings import Ways
+from actionopt.solver.workspace import Workspace
+
+FREE = systems.particle("x y")
+ACROSS = Problem(FREE, Event(1.0, [0.5, 0.0]), Event(3.0, [2.0, -1.0]))
+
+
+def fake(**known) -> Any:
+    return SimpleNamespace(**known)
+
+
+# -- what searches may cost, and in which order things are tried -----------------------------------
+
+
+def test_in_vain_as_much_may_be_spent_as_on_paths_that_were_found():
+    spent = budget.Budget(limited=True)
+    spent.count("", 1, None, {"elements": budget.FREE_BUDGET - 1.0})
+    assert spent.allows
+    spent.count("", 2, None, {"elements": 1.0})
+    assert not spent.allows
+    spent.note_found(budget.FREE_BUDGET - 1.0)
+    assert (spent.well, spent.vain) == (1.0, budget.FREE_BUDGET - 1.0)
+    assert spent.allows
+    spent.count("", 3, None, {"elements": 2.0})
+    assert not spent.allows
+    free = budget.Budget(limited=False)
+    free.count("", 1, None, {"elements": 1e9})
+    assert free.allows
+
+
+def test_what_takes_longest_is_tried_on_the_first_and_on_the_finest_mesh(monkeypatch):
+    meshes, far = [Mesh.uniform(1.0, 3.0, k, 3) for k in (2, 4, 8)], []
+    failed = ao.Status.NOT_FOUND
+    for name, known in (
+        ("_from_few", failed), ("_fine_enough", meshes), ("_near", False), ("_quickly_past", failed)
+    ):  # fmt: skip
+        monkeypatch.setattr(near_guess, name, lambda *_, known=known, **__: known)
+    monkeypatch.setattr(near_guess, "_continue", lambda search, far: tried.append(far))
+    tried = far
+    search = Search(Workspace(ACROSS, tol=1e-8), 1e-8, "auto", None, STRATEGIES)
+    near_guess.follow_guess(
+        search, lambda mesh: Path(mesh, np.zeros((2, mesh.nodes.size))), meshes[0]
+    )
+    assert tried == [True, False, True]
+
+
+def test_hits_aim_in_the_direction_of_the_end(monkeypatch):
+    asked = []
+
+    def velocities(problem, far, count, random):
+        asked.append(far)
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(two_sided_shooting, "velocities", velocities)
+    assert not list(two_sided_shooting.hits(ACROSS))
+    assert asked[0] == pytest.approx([1.5, -1.0])
+
+
+def test_a_nearer_end_is_followed_roughly_and_the_one_asked_to_the_tolerance(monkeypatch):
+    asked, path = [], Path(Mesh([1.0, 3.0], [3]), np.zeros((2, 4)))
+    near = fake(success=True, path=path)
+
+    def between(problem, guess, choices):
+        asked.append((problem.end.t, choices.tol))
+        return fake(success=len(asked) == 3, path=path), ""
+
+    def follow(problem, guess, tol, watch):
+        asked.append((problem.end.t, tol))
+        return near
+
+    monkeypatch.setattr(revisions, "between", between)
+    monkeypatch.setattr(revisions, "_near_guess", follow)
+    monkeypatch.setattr(revisions, "stretch_to_end", lambda *_: path)
+    found, part = revisions._follow_to_end(
+        systems.bratu().replace(start=Event(1.0, [0.0]), end=Event(3.0, [0.0])),
+        Choices(1e-9, "auto", STRATEGIES, None, None),
+    )
+    assert (found, part) == (near, 1.0)
+    rough = revisions.ON_THE_WAY
+    assert asked == [(t, rough) for t in (2.0, 1.5, 1.25, 1.5, 2.0)] + [(3.0, 1e-9)]
+
+
+def test_a_path_that_a_fold_led_to_is_not_followed_back(monkeypatch):
+    followed, one = [], fake(path="one")
+    search: Any = object.__new__(searches.Answers)
+    search.problem, search.found = ACROSS, [(one, (), None)]
+    search.classes = [fake(turns=(), problem=ACROSS)]
+    search.tell = lambda *_: None
+    search._start = lambda c, path, how: path
+
+    def trace(problem, name, end, *, guess, **options):
+        followed.append((guess, end))
+        return fake(interrupted=False, returned=guess == "one", paths=[guess + "'"])
+
+    monkeypatch.setattr(searches, "trace", trace)
+    monkeypatch.setattr(searches, "_coarser", lambda path: path)
+    for beyond in search._folds(2):
+        assert beyond == "one'"
+        search.last = fake(path=beyond)
+        search.found.append((search.last, (), None))
+    ends = [1.0 + 2.0 * x for x in (searches.EARLIEST_FOLD, searches.LATEST_FOLD)]
+    # Each path beyond is followed in the other direction alone.
+    assert followed == [("one", ends[0]), ("one", ends[1]), ("one'", ends[1])]
+
+
+# -- points and times that first paths go through --------------------------------------------------
+
+
+@pytest.mark.parametrize("length", [0.0, 0.7])
+def test_a_string_between_free_motions_is_met_at_one_speed(length):
+    A, B, x, y = (np.array(z) for z in ([0.0, 0.0], [3.0, 0.0], [1.0, 1.0], [1.5, 0.8]))
+    if not length:
+        y = x
+    t = np.linspace(0.0, 2.0, 2001)[1:-1]
+    v = np.tile((B - A) / 2.0, (t.size, 1))
+    ways = Ways(t, A + v * t[:, None], v, (0.0, np.zeros(2)), (2.0, np.zeros(2)))
+    when, arrival, departure = ways.passing(x, y, length)
+    first, last = np.linalg.norm(x - A), np.linalg.norm(B - y)
+    speed = (first + length + last) / 2.0
+    assert when == pytest.approx(first / speed, abs=1e-5)
+    np.testing.assert_allclose(arrival, (x - A) / first * speed, atol=1e-4)
+    np.testing.assert_allclose(departure, (B - y) / last * speed, atol=1e-4)
+    if not length:
+        up = np.array([0.0, 1.0])
+        assert ways.beyond(up, x, first=True) == pytest.approx(1 / np.sqrt(2), abs=1e-4)
+        assert ways.beyond(up, x, first=False) == pytest.approx(1 / np.sqrt(5), abs=1e-4)
+
+
+def test_motions_are_thrown_back_at_surfaces_met_at_times_that_are_found():
+    def wall(q, t):
+        return q[0] - 1
+
+    passing, timed = Event(None, None, on=wall), Event(2.0, None, on=wall)
+    events = [passing, timed, Event(None, [1.0, 0.0]), ao.Bounce(wall), passing]
+    problem = Problem(FREE, Event(1.0, [0.0, 0.0]), Event(3.0, [0.0, 1.0]), through=events)
+    assert list(ways_on(problem)) == [(), (1,), (5,), (1, 5)]
+
+
+def begin(*arguments):
+    found = through._begin(*arguments)
+    assert found is not None
+    return found
+
+
+def test_legs_take_the_time_of_their_length_at_the_energy():
+    # At the middle of each leg, in place and time: of mass x + t, against a slope.
+    system = System(lambda q, v, t: (q[0] + t) * (v @ v) / 2 - q[1], ["x", "y"])
+    points = np.array([[2.0, 0.0], [4.0, 0.0], [4.0, 2.0]])
+    inner, last = [Event(None, [4.0, 0.0])], [4.0, 2.0]
+    problem = Problem(system, Event(0.0, [2.0, 0.0]), Event(6.0, last), through=inner)
+    lengths = np.array([2 * np.sqrt(3 + 1.5), 2 * np.sqrt(4 + 4.5)])
+    np.testing.assert_allclose(through._durations(problem, points), lengths)
+    still = through._durations(problem, points[[0, 0, 2]])  # a leg of no length takes some time
+    assert still[0] == pytest.approx(0.05 * still[1])
+    path, times = begin(problem, points, np.ones(2), np.array([1.0, 2.0]))
+    np.testing.assert_allclose(times, [0.0, 6 * lengths[0] / (lengths @ [1, 2]), 6.0])
+    free = System(lambda q, v, t: q[0] * (v @ v) / 2 - q[1], ["x", "y"])
+    ends = Event(0.0, [2.0, 0.0]), Event(None, last)
+    problem = Problem(free, *ends, through=inner, energy=5.0)
+    expected = [2 * np.sqrt(3.0 / 10.0), 2 * np.sqrt(4.0 / 8.0)]
+    np.testing.assert_allclose(through._durations(problem, points), expected)
+    path, times = begin(problem, points, np.ones(2), np.ones(2))
+    np.testing.assert_allclose(times, np.cumsum([0.0, *expected]))
+    np.testing.assert_allclose(path(times), points.T, atol=1e-12)
+
+
+def test_first_points_are_put_on_moving_surfaces_twice_and_copied():
+    wall = Event(None, None, on=lambda q, t: q[1] - t)
+    problem = Problem(FREE, Event(0.0, [0.0, 0.0]), Event(2.0, [4.0, 0.0]), through=[wall])
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [4.0, 0.0]])
+    path, times = begin(problem, points, np.ones(2), np.ones(2))
+    assert points[1].tolist() == [1.0, 0.0]
+    share = [np.hypot(1, y) / (np.hypot(1, y) + np.hypot(3, y)) for y in (1.0, path(times[1])[1])]
+    assert path(times[1]) == pytest.approx([1.0, 2 * share[0]], abs=1e-9)
+    assert times[1] == pytest.approx(2 * share[1])
+
+
+def test_a_curve_passes_inner_events_in_their_order_where_it_is_nearest():
+    t = np.linspace(1.0, 3.0, 201)
+    q = np.array([np.sin(np.pi * (t - 1)), t / 2])
+    wall, edge = (Event(None, None, on=lambda q, t, c=c: c * (q[1] - 1.0)) for c in (1.0, 1e-3))
+    for inner, expected in (
+        ([Event(None, [None, 0.75]), wall], [1.5, 2.0]),
+        ([Event(None, [None, 0.75]), edge], [1.5, 2.0]),
+        ([Event(None, [0.0, None])], [2.0]),
+        ([Event(1.3, [0.0, None])], [1.3]),
+        ([Event(None, [1.0, None]), Event(None, [-1.0, None])], [1.5, 2.5]),
+        ([], []),
+    ):
+        problem = Problem(FREE, Event(1.0, [0.0, 0.5]), Event(3.0, [0.0, 1.5]), through=inner)
+        assert through._pass_times(problem, t, q) == pytest.approx(expected, abs=1e-9)
+
+
+def test_polygons_go_ever_farther_from_the_first_and_keep_what_is_given():
+    inner = [Event(None, [1.0, None])]
+    problem = Problem(FREE, Event(0.0, [0.0, 0.0]), Event(2.0, [2.0, 0.0]), through=inner)
+    base, rng = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), np.random.default_rng(0)
+    far = []
+    for few in ((0, 8), (90, 98)):
+        for k, found in enumerate(through._polygons(problem, base, np.ones(2), rng, *few), few[0]):
+            assert found is not None
+            path, times = found
+            corners = path(times).T
+            np.testing.assert_allclose(corners[:, 0], [0.0, 1.0, 2.0], atol=1e-12)
+            np.testing.assert_allclose(corners[[0, 2], 1], 0.0, atol=1e-12)
+            lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+            assert (times[1] / 2 == pytest.approx(lengths[0] / lengths.sum())) == (k < 2)
+            far.append(abs(corners[1, 1]))
+    assert far[0] == 0.0 < far[1]
+    assert np.mean(far[8:]) > 3 * np.mean(far[1:8])
+
+
+def test_the_duration_of_an_energy_is_between_two_that_are_tried(monkeypatch):
+    problem = Problem(FREE, Event(0.0, [0.0, 0.0]), Event(None, [3.0, 0.0]), energy=2.0)
+    tried = []
+
+    def solve(asked, tol, watch):
+        T = asked.duration
+        tried.append(T)
+        energy = (3.0 / T) ** 2 / 2
+        return fake(success=True, end=asked.end, energy=lambda t: energy, T=T)
+
+    monkeypatch.setattr(free_contact, "solve_on_the_way", solve)
+    for first in (0.2, 1.5, 9.0):
+        tried.clear()
+        found: Any = free_contact._near_energy(problem, first, None)
+        assert abs(found.T / 1.5 - 1) < free_contact.NEAR_DURATION
+        assert tried[0] == first
+        assert len(tried) <= free_contact.BISECTED
+    monkeypatch.setattr(free_contact, "solve_on_the_way", lambda *_: fake(success=False))
+    assert free_contact._near_energy(problem, 1.0, None) is None
+
+
+# -- parts of forces, rates and places -------------------------------------------------------------
+
+
+def test_a_rate_that_overflows_is_that_of_a_flat_function():
+    rate = np.array([1.0, np.inf, np.nan, -2.0])
+    assert energy_balance._flat(rate).tolist() == [1.0, 0.0, 0.0, -2.0]
+
+
+def test_what_lies_on_an_obstacle_is_put_there_with_its_velocity():
+    system = System(
+        lambda q, v, a, t: a @ a / 2, ["x", "y"], obstacle=lambda q, t: q @ q - (1 + t) ** 2
+    )
+    a = 0.3
+    on = np.array([2 * np.cos(a), 2 * np.sin(a), np.cos(a) - np.sin(a), np.sin(a) + np.cos(a)])
+    off = on + 1e-6 * np.array([1.0, 2.0, -3.0, 1.0])
+    found = put_on_obstacle(system, off, 1.0, np.empty((1, 0)))
+    q, v = found[:2], found[2:]
+    assert np.linalg.norm(q) == pytest.approx(2.0, abs=1e-11)
+    assert v @ q / np.linalg.norm(q) == pytest.approx(1.0, abs=1e-10)
+    assert np.abs(found - off).max() < 1e-5
+    assert put_on_obstacle(FREE, off, 1.0, np.empty((1, 0))) is off
+
+
+CHAIN = System(
+    lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"],
+    integral=lambda q, v, t: np.sqrt(1 + v[0] ** 2),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("height", [0.7, -9.0])
+def test_the_multiplier_of_a_chain_is_the_height_of_its_directrix(height):
+    # y = height + cosh t is stationary for the weight (y - height) dl.
+    t = 1.3
+    problem = Problem(
+        CHAIN, *(Event(s * t, [height + np.cosh(t)]) for s in (-1, 1)), integral=2 * np.sinh(t)
+    )
+    mesh = Mesh.uniform(-t, t, 6, 8)
+    tr = Transcription(problem, mesh, np.ones(1))
+    at = DiscretePath(tr, tr.pack(height + np.cosh(mesh.nodes)[:, None]))
+    kappa = bordered._balance(tr, at)
+    assert kappa == pytest.approx([-height], abs=1e-8)
+    np.testing.assert_array_equal(bordered._make_definite(tr, at, kappa), kappa)
+    # L_vv = (y + kappa) / (1 + v^2)^(3/2) is of both signs for these.
+    low, high = -height - np.cosh(t), -height - 1.0
+    out = bordered.DEFINITE * (high - low)
+    for inside, nearest in ((high - 0.1, high + out), (low + 0.1, low - out)):
+        found = bordered._make_definite(tr, at, np.array([inside]))
+        assert found == pytest.approx([nearest], abs=1e-2)
