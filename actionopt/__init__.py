@@ -12,7 +12,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from actionopt.mechanics.events import Bounce, Event, Periodic, State
-from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 
@@ -37,6 +36,7 @@ if TYPE_CHECKING:  # what is found by `__getattr__`
     from actionopt.families.runs import Runs
     from actionopt.families.sweep import sweep
     from actionopt.families.trace import trace
+    from actionopt.mechanics.obstacle import Arc
     from actionopt.mechanics.pfaffian import integrate_pfaffian
     from actionopt.mechanics.symmetry import Conserved, Symmetry, find_symmetries, noether
     from actionopt.solver.solve import solve
@@ -110,6 +110,7 @@ _LATER = {  # modules that are imported when one of their names is asked for
     "families.runs": "Runs",
     "families.sweep": "sweep",
     "families.trace": "trace",
+    "mechanics.obstacle": "Arc",
     "mechanics.pfaffian": "integrate_pfaffian",
     "mechanics.symmetry": "Conserved Symmetry find_symmetries noether",
     "solver.solve": "solve",

@@ -22,8 +22,6 @@ from actionopt.discrete.path import TIME_SLACK, Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
-from actionopt.mechanics.held import Held, arcs_of
-from actionopt.mechanics.obstacle import Arc, put_on_obstacle
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.mechanics.singular_ends import finite_derivatives
@@ -37,6 +35,7 @@ if TYPE_CHECKING:
     from actionopt.analysis.compare import Comparison
     from actionopt.analysis.index import Inertia
     from actionopt.analysis.sensitivity import Sensitivity
+    from actionopt.mechanics.obstacle import Arc
 
 # Of an element, from an end where L is infinite: where it is asked what grows. Ad hoc.
 BESIDE_END = np.array([1e-2, 1e-4])
@@ -270,6 +269,8 @@ class Solution:
             if part.system.order > 1:  # derivatives are not read from values
                 tr_of, lam = known.tr, self.lam[part.system.m :, a : b + 1]
                 if np.isfinite(lam).any():
+                    from actionopt.mechanics.held import Held, arcs_of
+
                     arcs = arcs_of(np.isfinite(lam), leg.mesh.boundaries, leg.mesh.offsets)
                     tr_of = Transcription(Held(part, arcs), leg.mesh, tr.lengths)
                 kept = DiscretePath(tr_of, tr_of.unknowns_of(places[a : b + 1]))
@@ -295,6 +296,9 @@ class Solution:
         problem, mesh, tr = self.problem, self.mesh, self.discrete.tr
         if not (problem.system.order > 1 and self.contacts):
             return self.parts
+        from actionopt.mechanics.held import Held
+        from actionopt.mechanics.obstacle import Arc, put_on_obstacle
+
         times = [t for arc in self.contacts for t in (arc.begin, arc.end)]
         events = [e.t for e in problem.joints_found]
         bounds = find_boundaries(mesh, np.union1d(times, events)).tolist()
@@ -571,6 +575,10 @@ class Solution:
 
         A moment only is an impulse, p(t+) - p(t-) = - its size df/dq; at a free end, the momentum.
         """
+        if not self.problem.system.r:
+            return ()
+        from actionopt.mechanics.held import arcs_of
+
         rows = np.isfinite(self.lam[self.problem.system.m :])
         return arcs_of(rows, self.mesh.boundaries, self.mesh.offsets)
 
@@ -704,12 +712,15 @@ class Solution:
         same = known is not None and known.path is self.path and known.problem.free is problem
         if known is not None and same and (self.contacts or not problem.system.r):
             return known
+        held: Problem = problem
+        if self.contacts:
+            from actionopt.mechanics.held import Held
+
+            held = Held(problem, self.contacts)
         if known is not None and problem.system.order > 1 and problem.system.r:
             # Derivatives, and multipliers of moments, are not read from values.
-            held = Held(problem, self.contacts) if self.contacts else problem
             tr, old = Transcription(held, self.mesh, known.tr.lengths, like=known.tr), known.tr
             return DiscretePath(tr, tr.unknowns_of(old.place(known.x).places))
-        held = Held(problem, self.contacts) if self.contacts else problem
         return DiscretePath.of(held, self.path, self.lam[: held.system.m].T)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Solution:
@@ -926,6 +937,8 @@ class Solution:
         times = numbers(t, "the times")
         system = self.problem.system
         if system.r and name in IN_CONTACT:
+            from actionopt.mechanics.held import Held
+
             method = getattr(Held(self.problem, self.contacts), name)
         else:
             method = getattr(system, name)
@@ -969,6 +982,8 @@ def _restore(made: list[Any], mesh: Mesh, unknowns: Unknowns) -> Solution:
     """Return a solution whose path is known as unknowns."""
     problem, lam = made[0], made[3]
     if problem.system.r:
+        from actionopt.mechanics.held import Held, arcs_of
+
         arcs = arcs_of(np.isfinite(lam[problem.system.m :]), mesh.boundaries, mesh.offsets)
         problem = Held(problem, arcs)
     known = DiscretePath.restore(problem, mesh, unknowns)

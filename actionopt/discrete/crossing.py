@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -53,6 +54,7 @@ class Jump:
     v: Array
     height: float
     energy: float  # by how much v . L_v - L jumps there
+    is_jump: ClassVar[Literal[True]] = True
     inevitable: bool = False  # whether the two ends of the path lie on different sides of a surface
     surface: str = ""  # the comparison that changes there
 

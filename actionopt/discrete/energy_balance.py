@@ -36,6 +36,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -93,6 +94,7 @@ class Imbalance:
     high: Array
     off: Array
     allowed: Array
+    is_jump: ClassVar[Literal[False]] = False
     sudden: bool = False
 
     def __str__(self) -> str:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.splines import make_ppoly, read_pieces
 from actionopt.tools.checks import numbers
 from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import RESTING
@@ -98,6 +97,8 @@ class Path:
 
         Raises ValueError for anything else, and where pieces do not meet.
         """
+        from actionopt.discrete.splines import read_pieces
+
         return Path(*read_pieces(pieces))
 
     def to_ppoly(self) -> Any:
@@ -108,6 +109,8 @@ class Path:
 
         Raises ImportError if scipy is not installed.
         """
+        from actionopt.discrete.splines import make_ppoly
+
         return make_ppoly(self.mesh, self.legendre())
 
     def __call__(self, t: ArrayLike) -> Array:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.rest import Rest
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
+
+if TYPE_CHECKING:
+    from actionopt.mechanics.rest import Rest
 
 ALIKE = 6  # powers of two between coordinates that may be measured in one unit; ad hoc
 

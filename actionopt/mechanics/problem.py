@@ -27,9 +27,7 @@ from actionopt.mechanics.course import (
 )
 from actionopt.mechanics.events import Bounce, Event, Periodic
 from actionopt.mechanics.instants import Instant, instants, merge
-from actionopt.mechanics.obstacle import check_outside, check_rates_outside, check_rows
 from actionopt.mechanics.pulses import centres
-from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.scales import motion_of, scales_of
 from actionopt.mechanics.singular_ends import singular_ends
 from actionopt.mechanics.surface import with_parameters, with_surface
@@ -39,6 +37,9 @@ from actionopt.tools.checks import by_name, entries, numbers
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array, NDInt
+
+if TYPE_CHECKING:
+    from actionopt.mechanics.rest import Rest
 
 # Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
@@ -135,6 +136,8 @@ class Problem:
             check_constraint_rows(self.system)
             check_on_surface(self)
         if self.system.r:
+            from actionopt.mechanics.obstacle import check_outside, check_rates_outside, check_rows
+
             check_rows(self.system)
             if self.asked is None:  # places that are found are not the question's
                 check_outside(self.system, self.packed, self.joints_found, self.joints, self.scales)
@@ -551,6 +554,8 @@ class Problem:
 
         Raises ValueError if it is no equilibrium or no saddle, or the energies differ.
         """
+        from actionopt.mechanics.rest import rest
+
         found = [
             rest(self.system, self.packed, np.array(e.near, dtype=float), e.t, e.side)
             if e.side

@@ -17,13 +17,11 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.boundaries import with_boundaries
-from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_arguments
 from actionopt.solver.family import judge_family, may_be_family
@@ -68,10 +66,12 @@ def between(
     # Far from zero a path to `tol` may miss the motion, which is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
     if system.r and system.order > 1:
+        from actionopt.mechanics.held import Held
         from actionopt.solver.touching import Touching
 
         ws = along = Touching(Held(problem, ()), tol=tol, watch=watch)
     elif system.r:
+        from actionopt.mechanics.held import Held
         from actionopt.solver.obstacle import Along
 
         ws = along = Along(Held(problem), tol=tol, watch=watch)
@@ -140,6 +140,10 @@ def _find_smooth(
     """Find a path that crosses no jump of L."""
     ws, problem = search.ws, search.ws.problem
     steps, jump = problem.system.switches, None
+    if steps is None and problem.system.structure.jumpless:
+        return _search(search, guess, curve_of)
+    from actionopt.discrete.crossing import find_imbalance, first_crossing
+
     if steps is not None:
         first = _first(problem, curve_of)
         jump = first_crossing(steps, problem, first.path)
@@ -158,7 +162,7 @@ def _find_smooth(
         if jump is None and lost and not problem.system.structure.jumpless:
             tried = filter(None, (search.ws.iterate, _first(problem, curve_of)))
             found = (find_imbalance(at, search.ws.tol)[0] for at in tried)
-            jump = next((off for off in found if isinstance(off, Jump)), None)
+            jump = next((off for off in found if off is not None and off.is_jump), None)
         if jump is None:
             return status
     ws = search.ws

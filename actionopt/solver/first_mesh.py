@@ -25,6 +25,7 @@ LINEAR = 4  # elements to begin with where nothing has to be sought
 # more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an
 # extreme case.
 COARSE_DEGREE, COARSE_ELEMENTS = 6, 8
+IPOPT_SIZE = 1500  # unknowns above which Ipopt, and what takes as long, is to do with less; ad hoc
 # Radians, or e-foldings, on an element: by the formula in `plan_mesh` twelve digits at degree 13.
 # Derived so far; that few elements of this degree are better than many of another is ad hoc.
 PHASE_PER_ELEMENT = 2.5

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import kkt_nonzeros
 from actionopt.discrete.transcription import Transcription
+from actionopt.solver.first_mesh import IPOPT_SIZE
 from actionopt.tools.immutable import immutable
 from actionopt.tools.interrupts import raised_later
 from actionopt.tools.types import Array
@@ -37,7 +38,6 @@ DIVERGING_ITERATES = 1e4  # coordinates this many times their own size: minimisi
 # Ad hoc: a saddle is reached in tens of iterations or not at all; a minimum may lie in a long
 # valley. Above so many unknowns half of that has to do.
 IPOPT_ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
-IPOPT_SIZE = 1500
 FIRST_BARRIER = 1e-4  # in the unit of the action, where a path is near; ad hoc
 OPTIONS: dict[str, Any] = {
     "print_time": 0,

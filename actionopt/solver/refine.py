@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from actionopt.analysis.status import Status
 from actionopt.discrete.boundaries import with_boundaries
-from actionopt.discrete.crossing import Jump
-from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import SHORTEST, cheapest_mesh
@@ -22,6 +21,9 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.solver.iterate import SAFETY, amplification
 from actionopt.solver.workspace import MEASURABLE, Workspace
 from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.discrete.energy_balance import Imbalance
 
 # Ad hoc, where nothing else is said.
 ROUNDS = 20
@@ -62,7 +64,7 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
         ws.here = replace(ws.here, error=error)
     if ws.unbalance is not None:
         ws.here = replace(ws.here, error=np.inf)
-        return Status.JUMP if isinstance(ws.unbalance, Jump) else Status.UNRESOLVED
+        return Status.JUMP if ws.unbalance.is_jump else Status.UNRESOLVED
     return status
 
 
@@ -84,11 +86,14 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
                 if here.singular:
                     return Status.UNRESOLVED
                 off = ws.find_imbalance()
-                if isinstance(off, Jump):
-                    return Status.JUMP
                 if off is None and ws.here.error <= tol:
                     return Status.SOLVED
-                mesh = split(here.tr, here.z) if off is None else _cut(here.mesh, off)
+                if off is None:
+                    mesh = split(here.tr, here.z)
+                elif off.is_jump is True:
+                    return Status.JUMP
+                else:
+                    mesh = _cut(here.mesh, off)
                 stalled += 1
             else:
                 stalled = stalled + 1 if missed > last / 2 else 0
@@ -187,7 +192,7 @@ def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
     off = ws.find_imbalance()
     if off is not None:
         ws.here = replace(ws.here, error=np.inf)
-    return Status.JUMP if isinstance(off, Jump) else Status.ON_MESH
+    return Status.JUMP if off is not None and off.is_jump else Status.ON_MESH
 
 
 def _cut(mesh: Mesh, off: Imbalance) -> Mesh:

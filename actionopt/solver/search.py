@@ -22,16 +22,15 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import DEGREES
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.descent import descend, falls_from, loose_constants
 from actionopt.solver.first_mesh import (
     COARSE_DEGREE,
     COARSE_ELEMENTS,
+    IPOPT_SIZE,
     LINEAR,
     fewest_elements,
     plan_layers,
     plan_mesh,
 )
-from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
@@ -289,6 +288,8 @@ class Search:
         problem = self.ws.problem
         if self.saddle is None or self.principle != "auto" or problem.system.m or problem.system.r:
             return False
+        from actionopt.solver.descent import descend, falls_from, loose_constants
+
         tr, z = self.saddle[1].tr, self.saddle[1].z
         loose = loose_constants(tr)
         if not falls_from(tr, z, loose):

@@ -13,7 +13,6 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, check_problem
 from actionopt.solver.between import Choices
-from actionopt.solver.ipopt import ABSENT, is_there
 from actionopt.solver.pursue import first_acceptable, is_moving
 from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT, STRATEGIES
 from actionopt.tools.blas import one_thread
@@ -94,6 +93,8 @@ def solve(
     if not among(method, BY_METHOD):
         raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     if method == "ipopt":
+        from actionopt.solver.ipopt import ABSENT, is_there
+
         problem.system.check_order("method 'ipopt'")
         if not is_there():
             raise ValueError(f"expected another method than 'ipopt': {ABSENT}")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from actionopt.analysis.status import Status
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.first_mesh import COARSE_ELEMENTS
-from actionopt.solver.ipopt import IPOPT_SIZE
+from actionopt.solver.first_mesh import COARSE_ELEMENTS, IPOPT_SIZE
 from actionopt.solver.search import Search, Strategy
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.workspace import PATIENT, Workspace

@@ -10,9 +10,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.ipopt import ABSENT, is_there
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
 
@@ -78,13 +76,18 @@ def message_of(solution: Solution, tol: float, hint: str = "", reason: str = "")
             "event a little beside (`trace` may then follow the path towards it), or use "
             "coordinates in which the place is regular"
         )
-    if status is Status.NOT_FOUND and not is_there():
-        hint += f"; {ABSENT}, which finds some paths that nothing else does"
+    if status is Status.NOT_FOUND:
+        from actionopt.solver.ipopt import ABSENT, is_there
+
+        if not is_there():
+            hint += f"; {ABSENT}, which finds some paths that nothing else does"
     return f"{problem.name}: {verdict} ({figures}){hint}"
 
 
 def _events_off_constraints(problem: Problem) -> Iterator[str]:
     """Yield which end gives coordinates with which no point of the constraints was found."""
+    from actionopt.discrete.surfaces import onto
+
     system, names = problem.system, problem.system.coordinates
     spread = np.random.default_rng(0).standard_normal((TRIED_PLACES, system.n))
     ends = ("start", problem.start), ("end", problem.end)

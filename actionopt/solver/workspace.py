@@ -6,27 +6,21 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
 import numpy as np
 
 from actionopt.discrete.boundaries import with_boundaries
-from actionopt.discrete.crossing import Jump, find_imbalance
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
-from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh, with_singular_ends
 from actionopt.discrete.newton import approach, follow, move_ends
 from actionopt.discrete.path import Path
-from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
-from actionopt.discrete.shifted import shift_path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.descent import descend
-from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.ipopt import IPOPT_SIZE, Principle, find
+from actionopt.solver.first_mesh import COARSE_DEGREE, IPOPT_SIZE, LINEAR
 from actionopt.solver.iterate import (
     ORDINARY,
     POLYNOMIAL_ROUNDOFF,
@@ -43,6 +37,11 @@ from actionopt.solver.preflight import check
 from actionopt.solver.record import Record
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
+
+if TYPE_CHECKING:
+    from actionopt.discrete.crossing import Jump
+    from actionopt.discrete.energy_balance import Imbalance
+    from actionopt.solver.ipopt import Principle
 
 # Ad hoc, where nothing else is said. "Flat" is what was varied by 3 either way over the scenes and
 # 40 stress cases, where no status changed, and iterations by no more than 2 %.
@@ -230,6 +229,8 @@ class Workspace(Generic[Place]):
             else:
                 Q = path.values.T if path.mesh is mesh else path.on(mesh).values.T
             if system.m and lam is None:
+                from actionopt.discrete.projection import project
+
                 Q = project(tr, Q)
             if not self.checked:
                 check(tr, Q)
@@ -277,6 +278,8 @@ class Workspace(Generic[Place]):
         self, neighbour: DiscretePath, tr: Transcription, z: Array
     ) -> tuple[Transcription, Array]:
         """Return where a path goes that is far from a neighbour's as it may be sooner or later."""
+        from actionopt.discrete.shifted import shift_path
+
         plain = not (self.problem.boundaries or tr.nodal)
         found = shift_path(neighbour.tr, neighbour.z, tr.coordinates(z)) if plain else None
         self.astray = found is None
@@ -331,6 +334,8 @@ class Workspace(Generic[Place]):
         """Ask Ipopt for a path; False if it finds none, or L contains accelerations."""
         if self.problem.system.order > 1:
             return False
+        from actionopt.solver.ipopt import find
+
         started = perf_counter()
         with self.record.clock("solve"):
             attempt = find(self.here.tr, self.here.z, principle)
@@ -354,6 +359,8 @@ class Workspace(Generic[Place]):
 
     def descend(self) -> bool:
         """Minimise the action from the path at hand, and on where Newton's method is lost."""
+        from actionopt.solver.descent import descend
+
         for _ in range(DESCENTS):
             with self.record.clock("solve"):
                 result = descend(self.here.tr, self.here.z)
@@ -462,11 +469,15 @@ class Workspace(Generic[Place]):
 
     def find_imbalance(self) -> Jump | Imbalance | None:
         """Return where the balance of energy does not hold along the path; say so if L jumps."""
-        here = self.here
-        with self.record.clock("verify"):
-            off, error = find_imbalance(here, here.error, self.tol, self._impulse_gain)
-            if error > here.error:
-                self.here = replace(self.here, error=error)
+        off = None
+        if not self.problem.system.structure.jumpless:
+            from actionopt.discrete.crossing import find_imbalance
+
+            here = self.here
+            with self.record.clock("verify"):
+                off, error = find_imbalance(here, here.error, self.tol, self._impulse_gain)
+                if error > here.error:
+                    self.here = replace(self.here, error=error)
         if off is not None or self.unbalance is not None:
             self.hint = str(off or "")
         self.unbalance = off
