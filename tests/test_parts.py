@@ -9,18 +9,30 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
+from actionopt.analysis import index
 from actionopt.discrete import bordered, energy_balance
+from actionopt.discrete.contact_times import merge_contacts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.families import budget, searches
-from actionopt.mechanics.obstacle import put_on_obstacle
-from actionopt.solver import free_contact, near_guess, revisions, through, two_sided_shooting
+from actionopt.mechanics.obstacle import Arc, put_on_obstacle
+from actionopt.solver import (
+    first_paths,
+    free_contact,
+    near_guess,
+    revisions,
+    through,
+    two_sided_shooting,
+)
 from actionopt.solver.between import Choices
+from actionopt.solver.first_paths import FirstPaths
+from actionopt.solver.homotopy import HomotopyCurve
 from actionopt.solver.rays import ways_on
 from actionopt.solver.search import Search
 from actionopt.solver.strategies import STRATEGIES
 from actionopt.solver.taut_strings import Ways
+from actionopt.solver.touching import _part_moments
 from actionopt.solver.workspace import Workspace
 
 FREE = systems.particle("x y")
@@ -301,3 +313,132 @@ def test_the_multiplier_of_a_chain_is_the_height_of_its_directrix(height):
     for inside, nearest in ((high - 0.1, high + out), (low + 0.1, low - out)):
         found = bordered._make_definite(tr, at, np.array([inside]))
         assert found == pytest.approx([nearest], abs=1e-2)
+
+
+# -- the duration of an energy, and contacts --------------------------------------------------------
+
+
+def over_known_energies(monkeypatch, energy):
+    """Return first paths where the path over T has the energy 1 + 0.3 ln(T / 3)^2."""
+    found: Any = object.__new__(FirstPaths)
+    problem = Problem(FREE, Event(0.0, [0.0, 0.0]), Event(None, [1.0, 0.0]), energy=energy)
+    vars(found).update(problem=problem, tol=1e-8, hint="", blocked="", merged=None)
+
+    def over(self, T, near=None):
+        return fake(mesh=fake(duration=T)) if 0.2 < T < 40.0 else None
+
+    monkeypatch.setattr(FirstPaths, "_over", over)
+    monkeypatch.setattr(FirstPaths, "_sharp", lambda self, at: at)
+    monkeypatch.setattr(
+        FirstPaths, "excess", lambda _, at: energy - 1 - 0.3 * np.log(at.mesh.duration / 3) ** 2
+    )
+    return found
+
+
+def test_energies_are_passed_on_either_side_of_a_duration(monkeypatch):
+    scan = over_known_energies(monkeypatch, 1.5)
+    for T in (3.3, 0.5, 12.0):
+        found = [at.mesh.duration for at in scan._scan(T, scan._over(T))]
+        sides = 3 * np.exp(np.array([-1, 1]) * np.sqrt(0.5 / 0.3))
+        np.testing.assert_allclose(sorted(found), sides, rtol=0.02)
+    assert not scan.hint
+
+
+def test_the_lowest_energy_is_told_and_a_duration_beside_it_tried(monkeypatch):
+    scan = over_known_energies(monkeypatch, 0.9)
+    (aside,) = scan._scan(4.0, None)
+    assert aside.mesh.duration == pytest.approx(first_paths.BELOW_LOWEST * 3.0, rel=1e-3)
+    assert "the lowest energy is that over 3, 1, above the one given by 0.1" in scan.hint
+    assert scan.merged is None
+    scan = over_known_energies(monkeypatch, 1.0)
+    list(scan._scan(4.0, None))
+    assert scan.merged.mesh.duration == pytest.approx(3.0, rel=1e-3)
+    assert "two paths merge" in scan.hint
+
+
+@pytest.mark.parametrize(
+    ("arcs", "a", "b", "fixed", "moments", "expected"),
+    [
+        ([(0, 1, 2), (0, 3, 4), (1, 1, 5)], 2, 3, (), False, [(0, 1, 4), (1, 1, 5)]),
+        ([(0, 3, 4), (0, 1, 2)], 2, 3, (3,), False, [(0, 1, 4)]),
+        ([(0, 1, 2), (0, 3, 4)], 1, 2, (), False, [(0, 3, 4)]),
+        ([(0, 1, 2), (0, 3, 4)], 1, 2, (), True, [(0, 1.5, 1.5), (0, 3, 4)]),
+        ([(0, 1, 2), (0, 3, 4)], 1, 2, (2,), False, [(0, 2, 2), (0, 3, 4)]),
+        ([(0, 1, 2), (1, 2.5, 4)], 2, 2.5, (2, 2.5), True, [(0, 1, 2), (1, 2, 4)]),
+        ([(0, 1, 1), (0, 2, 2)], 1, 2, (), True, [(0, 1.5, 1.5)]),
+    ],
+)  # fmt: skip
+def test_what_is_between_two_times_of_contact_vanishes(arcs, a, b, fixed, moments, expected):
+    held = fake(arcs=tuple(Arc(*arc) for arc in arcs), fixed_times=fixed)
+    assert merge_contacts(held, a, b, moments=moments) == tuple(Arc(*arc) for arc in expected)
+
+
+def test_a_moment_between_two_runs_inside_becomes_two():
+    t = np.linspace(0.0, 1.0, 11)
+    point, other, deep = Arc(0, 0.5, 0.5), Arc(1, 0.5, 0.5), [(3, 4, 0.41), (6, 7, 0.62)]
+    arcs, left = _part_moments([point, other], 0, t, [*deep, (9, 10, 0.95)])
+    assert (arcs, left) == ([other, Arc(0, 0.41, 0.41), Arc(0, 0.62, 0.62)], [(9, 10, 0.95)])
+    for few in (deep[:1], deep[1:], [(3, 7, 0.5)], [(1, 2, 0.15), deep[1]]):
+        assert _part_moments([point], 0, t, few) == ([point], few)
+    arc = Arc(0, 0.5, 0.55)
+    assert _part_moments([arc], 0, t, deep) == ([arc], deep)
+
+
+# -- counts of eigenvalues, directions and classes of paths ----------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("values", "moves", "expected"),
+    [
+        ([-2.0, -0.5, 1.0], 0, (2, 0)),
+        ([-2.0, 3e-12, -1e-12, 1.0], 0, (1, 2, 1e-12)),
+        ([-2.0, 3e-12, 1.0], 1, (1, 1, 0.0)),
+        ([3e-12, 1e-30, 1.0], 1, (0, 2, 2.9e-17)),
+    ],
+)
+def test_the_smallest_eigenvalue_is_told_where_more_vanish_than_are_known(
+    monkeypatch, values, moves, expected
+):
+    monkeypatch.setattr(index, "_below", lambda form, mu: int(np.sum(np.array(values) < mu)))
+    monkeypatch.setattr(index, "check_legendre", lambda form: None)
+    found = index.inertia_of(fake(freedom=3), 1e-9, moves)
+    assert (found.index, found.nullity, found.tolerance) == (*expected[:2], 1e-9)
+    if len(expected) == 2:
+        assert found.smallest is None
+    else:
+        assert expected[2] <= found.smallest <= 1.1 * expected[2]
+    assert index.inertia_of(fake(freedom=0)).index == 0
+
+
+def test_a_curve_goes_on_in_the_direction_it_came_from():
+    way = HomotopyCurve(fake(layout=fake(unknowns=2)), np.zeros(3), np.zeros(3))
+    slope = np.array([3.0, 4.0, 7.0])
+    norm = np.sqrt(12.5 + 1)
+    assert way._keep_direction(slope)
+    np.testing.assert_allclose(way.direction, slope / norm)
+    assert way.ds == pytest.approx(1 / norm)
+    for sign in (-1.0, -1.0, 1.0):  # through a fold, and on, and through another one
+        way._keep_direction(sign * slope)
+        assert np.sign(way.ds) == sign
+        np.testing.assert_allclose(way.direction, slope / norm)
+
+
+def test_velocities_between_which_the_end_is_passed_are_halved(monkeypatch):
+    search: Any = object.__new__(searches.Answers)
+    ends = [fake(turns=(k,), problem=fake(end=fake(q=[q]))) for k, q in enumerate((0.0, 3.0))]
+    vars(search).update(problem=None, classes=ends, tell=lambda *_: None)
+    search._arrivals = lambda classes, v0: zip(classes, v0[0], strict=True)
+    monkeypatch.setattr(searches, "shoot", lambda problem, v0: v0**2 - 1)
+    found = [(c.turns[0], v) for c, v in search._bracket(np.linspace(-3.05, 3.0, 21))]
+    assert [k for k, _ in found] == [0, 0, 1, 1]
+    np.testing.assert_allclose([v for _, v in found], [-1.0, 1.0, -2.0, 2.0], atol=1e-3)
+    assert not list(search._bracket(np.linspace(4.0, 5.0, 3)))
+
+
+def test_an_end_is_of_the_class_of_its_turns():
+    search: Any = object.__new__(searches.Answers)
+    search.problem, search.turning = Problem(FREE, Event(0.0, [0, 0]), Event(1.0, [0.5, 1.0])), (1,)
+    search.classes = [fake(turns=(k,)) for k in (-1, 0, 2)]
+    for angle, turns in ((1.0, 0), (-3.0, -1), (3.0, 0), (1 + 4 * np.pi, 2), (1 + 2 * np.pi, None)):
+        found = search._nearest(np.array([7.0, angle]))
+        assert found is None if turns is None else found.turns == (turns,)
