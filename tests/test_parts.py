@@ -3,36 +3,44 @@
 from types import SimpleNamespace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
-from actionopt.analysis import index
+from actionopt.analysis import compare, index
 from actionopt.discrete import bordered, energy_balance
 from actionopt.discrete.contact_times import merge_contacts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.families import budget, searches
+from actionopt.families import budget, searches, trace
+from actionopt.families.retry import retry_of
 from actionopt.mechanics.obstacle import Arc, put_on_obstacle
 from actionopt.solver import (
+    descent,
     first_paths,
     free_contact,
+    ipopt,
     near_guess,
+    resonances,
     revisions,
     through,
     two_sided_shooting,
+    unfixed,
 )
 from actionopt.solver.between import Choices
 from actionopt.solver.first_paths import FirstPaths
 from actionopt.solver.homotopy import HomotopyCurve
-from actionopt.solver.rays import ways_on
+from actionopt.solver.ray_tracing import RAY_SPEEDS, ClosedRayTracer, RayTracer
+from actionopt.solver.rays import BEST_RAYS, RAY_SPREAD, RaySearch, ways_on
 from actionopt.solver.search import Search
 from actionopt.solver.strategies import STRATEGIES
 from actionopt.solver.taut_strings import Ways
 from actionopt.solver.touching import _part_moments
+from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.workspace import Workspace
 
 FREE = systems.particle("x y")
@@ -315,7 +323,7 @@ def test_the_multiplier_of_a_chain_is_the_height_of_its_directrix(height):
         assert found == pytest.approx([nearest], abs=1e-2)
 
 
-# -- the duration of an energy, and contacts --------------------------------------------------------
+# -- the duration of an energy, and contacts -------------------------------------------------------
 
 
 def over_known_energies(monkeypatch, energy):
@@ -415,12 +423,12 @@ def test_a_curve_goes_on_in_the_direction_it_came_from():
     slope = np.array([3.0, 4.0, 7.0])
     norm = np.sqrt(12.5 + 1)
     assert way._keep_direction(slope)
-    np.testing.assert_allclose(way.direction, slope / norm)
+    assert way.direction == pytest.approx(slope / norm)
     assert way.ds == pytest.approx(1 / norm)
     for sign in (-1.0, -1.0, 1.0):  # through a fold, and on, and through another one
         way._keep_direction(sign * slope)
         assert np.sign(way.ds) == sign
-        np.testing.assert_allclose(way.direction, slope / norm)
+        assert way.direction == pytest.approx(slope / norm)
 
 
 def test_velocities_between_which_the_end_is_passed_are_halved(monkeypatch):
@@ -442,3 +450,240 @@ def test_an_end_is_of_the_class_of_its_turns():
     for angle, turns in ((1.0, 0), (-3.0, -1), (3.0, 0), (1 + 4 * np.pi, 2), (1 + 2 * np.pi, None)):
         found = search._nearest(np.array([7.0, angle]))
         assert found is None if turns is None else found.turns == (turns,)
+
+
+# -- motions that are traced from surface to surface -----------------------------------------------
+
+
+def tracer(energy=None):
+    fall = System(lambda q, v, t: v @ v / 2 - 2 * q[1], ["x", "y"])
+    wall = Event(None, None, on=lambda q, t: q[0] - 1)
+    last = Event(None if energy else 3.0, [3.0, 0.0])
+    problem = Problem(fall, Event(1.0, [0.0, 0.5]), last, through=[wall], energy=energy)
+    return RayTracer.of(problem, np.array([1.0, 2.0]), 2.0)
+
+
+def test_first_rays_go_in_all_directions_at_many_speeds():
+    found = tracer()
+    assert found._thrown_speed() == pytest.approx(2 / 2 * 2.0 / 2)
+    v = found.all_round(np.random.default_rng(0)) / found.size
+    angles = np.sort(np.arctan2(v[:, 1], v[:, 0]))
+    np.testing.assert_allclose(np.diff(angles), 2 * np.pi / len(v), atol=1e-9)
+    speeds = np.linalg.norm(v, axis=1)
+    slowest, fastest = 1 / RAY_SPEEDS, RAY_SPEEDS + 1
+    assert slowest <= speeds.min() < 1.3 * slowest
+    assert fastest / 1.3 < speeds.max() <= fastest
+    assert np.median(speeds) == pytest.approx(np.sqrt(slowest * fastest), rel=0.3)
+
+
+def test_rays_are_given_the_energy_and_those_that_come_late_are_thrown_faster():
+    found = tracer(energy=5.0)
+    u = found.of_energy(np.array([[1.0, 0.0], [3.0, 4.0]]))
+    np.testing.assert_allclose(u, np.sqrt(8.0) * np.array([[1.0, 0.0], [0.6, 0.8]]))
+    times = np.array([[1.0, 5.0], [1.0, np.nan], [1.0, 2.0]])
+    u = np.array([[1.0, 2.0], [3.0, 4.0], [4.0, 6.0]])
+    later = tracer().in_time(fake(times=times, u=u))
+    np.testing.assert_allclose(later, [[2.0, 4.0], [3.0, 4.0], [2.0, 3.0]])
+    assert u[0, 0] == 1.0
+    assert tracer().of_energy(u) is u
+
+
+def test_closed_rays_begin_anywhere_inside_of_walls():
+    wall = ao.Bounce(lambda q, t: q[0] + 0.5)
+    problem = Problem(
+        FREE, Event(0.0, [None, 0.2]), ao.Periodic(2.0), through=[wall, wall]
+    )  # fmt: skip
+    found: Any = ClosedRayTracer.of(problem, np.array([1.0, 2.0]), 2.0)
+    np.testing.assert_allclose(found.unit, [1.0, 1.5, 3.0])
+    u = found.all_round(np.random.default_rng(0))
+    q, v, t = found.begin(u)
+    assert (q[:, 0] > -0.5).all()
+    assert (q[:, 0] < 1).all()
+    assert (q[:, 1] == 0.2).all()
+    assert (t == 0).all()
+    np.testing.assert_array_equal(u, np.column_stack([q[:, 0], v]))
+    speeds = np.linalg.norm(v / [1.5, 3.0], axis=1)
+    assert 1 / RAY_SPEEDS <= speeds.min() < 1.0 < speeds.max() <= RAY_SPEEDS
+    first = np.array([[0.1, 0.2]]), np.array([[1.0, -1.0]])
+    away = found._return(np.array([[1.1, 0.2]]), np.array([[1.0, 2.0]]), first)
+    np.testing.assert_allclose(away, [[1.0, 0.0, 0.0, 1.0]])
+
+
+def test_the_search_knows_the_nearest_rays_and_the_best():
+    rng = np.random.default_rng(1)
+    made = fake(size=np.ones(2), unit=np.array([1.0, 2.0]), at=fake(joints=[0, 1]), span=2.0)
+    search = RaySearch(made)
+    for count in (30, 17):
+        u = rng.standard_normal((count, 2))
+        cost = np.where(rng.uniform(size=count) < 0.2, np.inf, (u[:, 0] - 0.3) ** 2 + u[:, 1] ** 2)
+        places, times = u[:, None] * [[0.0], [1.0]], np.tile([1.0, 3.0], (count, 1))
+        search.add(fake(u=u, cost=cost, places=places, times=times, tracks=[]))
+    apart = np.linalg.norm((search.u[:, None] - search.u) / made.unit, axis=2)
+    np.fill_diagonal(apart, np.inf)
+    np.testing.assert_allclose(
+        np.sort(search.apart, axis=1), np.sort(apart, axis=1)[:, : search.count]
+    )
+    np.testing.assert_allclose(search.apart, np.take_along_axis(apart, search.near, axis=1))
+    best = [
+        k for k in range(47)
+        if np.isfinite(search.cost[k]) and search.cost[k] <= search.cost[search.near[k]].min()
+    ]  # fmt: skip
+    assert sorted(search.minima()) == best
+    assert (np.diff(search.cost[search.minima()]) >= 0).all()
+    assert search.minima()[0] == np.argmin(search.cost)
+    few = search.closer(rng, 2 * len(best))
+    for row, k in zip(few, np.resize(search.minima()[:BEST_RAYS], len(few)), strict=True):
+        assert (
+            np.linalg.norm((row - search.u[k]) / made.unit) < 5 * RAY_SPREAD * search.apart[k].max()
+        )
+    told = [ray.times.tolist() for ray in search.nearest(np.inf)]
+    assert told == [[1.0, 3.0]] * len(told)
+    assert np.array(search.told)[0] == pytest.approx(search.u[np.argmin(search.cost)])
+    assert not list(search.nearest(np.inf))
+    search.told.clear()
+    assert not list(search.nearest(search.cost.min()))
+
+
+def test_rays_are_added_where_neighbours_part():
+    search: Any = object.__new__(RaySearch)
+    u = np.array([[1.0], [2.0], [3.0], [5.0]])
+    where = np.array([0.0, 0.1, 2.0, np.nan])[:, None, None] * np.ones((1, 1, 2))
+    near = np.array([[1, 2], [0, 2], [1, 3], [2, 1]])
+    apart = np.abs(u[near][..., 0] - u)
+    vars(search).update(tracer=fake(unit=np.ones(1)), u=u, where=where, near=near, apart=apart)
+    # 0 and 2, 1 and 2 come to places apart; of 2 and 3 one does not come.
+    found = search.between(9)
+    assert sorted(found[:, 0]) == [2.0, 2.5, 4.0]
+    assert len(search.between(2)) == 2
+
+
+# -- what becomes of starts ------------------------------------------------------------------------
+
+
+def test_motions_that_are_known_are_not_sought_again(monkeypatch):
+    search: Any = object.__new__(searches.Answers)
+    one, other = (fake(turns=(k,), name=k) for k in (0, 1))
+    known = fake(start=fake(v=np.array([1.0, 0.0])))
+    mesh = Mesh([1.0, 3.0], [1])
+    end = Event(3.0, [2.0, 1.0])
+    one.problem = other.problem = ACROSS.replace(end=end)
+    vars(search).update(problem=ACROSS, classes=[one, other], found=[(known, (0,), "")])
+    search.tell, search._start = lambda *_: None, lambda c, path, how: (c.name, path.values)
+    v0 = np.array([[1.0, 1.0, 2.0, 2.0, -1.0], [0.0, 0.0, 1.0, 1.0, 1.0]])
+    tried = []
+
+    def motions(problem, v):
+        tried.append(v)
+        paths = [Path(mesh, np.array([[0.5, 1.5], [0.0, 0.5]])) for _ in v.T]
+        return [None, *paths[1:]]
+
+    monkeypatch.setattr(searches, "motions", motions)
+    found = list(search._arrivals([one, other, one, one, other], v0))
+    # The first is known, of the same class; the fourth is the third.
+    np.testing.assert_array_equal(tried[0], v0[:, [1, 2, 4]])
+    assert [name for name, _ in found] == [0, 1]
+    for _, values in found:  # what is missed at the end is spread over the way
+        np.testing.assert_allclose(values, [[0.5, 2.0], [0.0, 1.0]])
+    assert not list(search._arrivals([one], v0[:, :1]))
+
+
+def test_modes_are_let_go_in_turn(monkeypatch):
+    held = resonances._Held(
+        np.array([7.0]), np.eye(3)[:, :2], np.array([4.0, 6.0]), np.array([-2.0, 3.0])
+    )
+    assert held.root == 2.0
+    turned = held.next()
+    assert (turned.forces.tolist(), turned.slopes.tolist()) == ([6.0, 4.0], [3.0, -2.0])
+    np.testing.assert_array_equal(turned.modes, np.eye(3)[:, [1, 0]])
+    free, asked = resonances._Held(np.array([9.0]), np.eye(3)[:, :0], *2 * (np.zeros(0),)), []
+    search = resonances.Resonances(fake())
+
+    def settle(self, z, modes, steps, *, hold, grown=0.0):
+        asked.append(hold)
+        return next(settled)
+
+    def release(self, at):
+        asked.append(at.forces.tolist())
+        return next(released)
+
+    monkeypatch.setattr(resonances.Resonances, "_settle", settle)
+    monkeypatch.setattr(resonances.Resonances, "_release", release)
+    settled, released = iter([free]), iter([])
+    assert search.path(np.zeros(1)) is free.z
+    assert asked == [False]
+    asked.clear()
+    settled, released = iter([None, held, free]), iter([None, (np.zeros(1), np.eye(3)[:, :1])])
+    assert search.path(np.zeros(1)) is free.z
+    assert asked == [False, True, [4.0, 6.0], [6.0, 4.0], True]
+    settled, released = iter([None, held]), iter([None, None])
+    assert search.path(np.zeros(1)) is None
+
+
+def test_legs_are_compared_by_the_worst_of_them(monkeypatch):
+    names = ("position", "velocity", "arrival", "local", "energy_drift", "reference_error",
+             "allowed", "amplified")  # fmt: skip
+    known = {name: float(k) for k, name in enumerate(names)}
+    turned = {name: 7.0 - k for name, k in known.items()}
+    monkeypatch.setattr(compare, "_join_paths", lambda paths: paths)
+    legs: Any = [fake(**known, path="a", reason=""), fake(**turned, path=None, reason="far")]
+    found = compare.join(legs, 6.0)
+    assert (found.path, found.reason) == (["a"], "far")
+    assert [getattr(found, name) for name in names] == [7, 6, 5, 6, 4, 5, 6, 7]
+
+
+def test_a_path_runs_away_that_falls_and_is_far_from_the_first(monkeypatch):
+    monkeypatch.setattr(descent, "_falls", lambda tr, first, step: step.tolist() == [2.0, -0.5])
+    first = np.array([1.0, 1.0])
+    tr: Any = None
+    assert descent._runs_away(tr, first, np.array([3.0, 0.5]))
+    assert not descent._runs_away(tr, first, np.array([-1.0, 0.5]))
+    assert not descent._runs_away(tr, first, first + [1.0, -0.5])
+
+
+def test_one_retry_is_told_from_another():
+    def told(known, guess):
+        return retry_of({"tol": 1e-8}, known, guess)
+
+    path = Path(Mesh([0.0, 1.0], [1]), np.array([[0.0, 1.0]]))
+    moved = Path(Mesh([0.0, 2.0], [1]), np.array([[0.0, 1.0]]))
+    seen = [told(b"a", None), told(b"b", None), told(b"a", path), told(b"a", moved),
+            told(b"a", [1.0])]  # fmt: skip
+    assert len({tuple(x.items()) for x in seen}) == len(seen)
+    assert all(x["tol"] == 1e-8 for x in seen)
+    assert told(b"a", path) == told(b"a", Path(path.mesh, path.values.copy()))
+
+
+def test_the_sign_that_changes_with_the_index(monkeypatch):
+    marks: Any = fake(_index=lambda point: 3, tol=1e-8)
+    course = fake(tr=None, at=fake(problem=fake(is_course=True)))
+    path = fake(tr=None, at=fake(problem=fake(is_course=False)))
+    monkeypatch.setattr(trace, "sign_of", lambda at, tol, resolution, j: (at, tol, j))
+    sign: Any = trace._TraceRun._sign
+    assert [sign(marks, j, course) for j in (2, 3)] == [0.5, -0.5]
+    assert sign(marks, 1, path) == (path.at, 1e-8, 1)
+
+
+def test_what_ipopt_finds_at_a_bound_has_its_multiplier():
+    x = ca.MX.sym("x", 2)
+    found, mu, rows = ipopt.minimize(x, ca.sumsqr(x - 2), x[0] + x[1], np.zeros(2), np.ones(1))
+    np.testing.assert_allclose(found.z, [0.5, 0.5], atol=1e-5)
+    np.testing.assert_allclose(mu, [3.0], atol=1e-4)
+    np.testing.assert_allclose(rows, [1.0], atol=1e-5)
+
+
+def test_a_push_is_lessened_until_none_is_left(monkeypatch):
+    found, done, here = ao.Status.SOLVED, [], fake(push_force=8.0)
+    monkeypatch.setattr(unfixed, "refine", lambda run, tol, least: done.append("refine") or found)
+
+    def lessen():
+        done.append(here.push_force)
+        here.push_force /= 4
+        return here.push_force > least
+
+    run = fake(here=here, tol=1e-8, _lessen_push=lessen, _hold=lambda: "held")
+    run._is_pushed = lambda at: at.push_force > 0.1
+    least = 0.01
+    assert Unfixed._refine(run) is found
+    assert done == [8.0, 2.0, "refine", 0.5, "refine", 0.125, "refine"]
+    here.push_force, least = 8.0, 1.0
+    assert Unfixed._refine(run) == "held"
