@@ -11,12 +11,13 @@ import systems
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
 from actionopt.analysis import compare, index
-from actionopt.discrete import bordered, energy_balance
+from actionopt.discrete import bordered, crossing, energy_balance
 from actionopt.discrete.contact_times import merge_contacts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.families import budget, searches, trace
+from actionopt.families.path_store import PackedPaths
 from actionopt.families.retry import retry_of
 from actionopt.mechanics.obstacle import Arc, put_on_obstacle
 from actionopt.solver import (
@@ -30,18 +31,21 @@ from actionopt.solver import (
     through,
     two_sided_shooting,
     unfixed,
+    waves,
 )
 from actionopt.solver.between import Choices
 from actionopt.solver.first_paths import FirstPaths
 from actionopt.solver.homotopy import HomotopyCurve
 from actionopt.solver.ray_tracing import RAY_SPEEDS, ClosedRayTracer, RayTracer
 from actionopt.solver.rays import BEST_RAYS, RAY_SPREAD, RaySearch, ways_on
-from actionopt.solver.search import Search
+from actionopt.solver.search import BUDGET, Search
 from actionopt.solver.strategies import STRATEGIES
 from actionopt.solver.taut_strings import Ways
 from actionopt.solver.touching import _part_moments
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.workspace import Workspace
+from actionopt.suite import active_set, dump, nl, sequence, stars
+from actionopt.suite.member import Member
 
 FREE = systems.particle("x y")
 ACROSS = Problem(FREE, Event(1.0, [0.5, 0.0]), Event(3.0, [2.0, -1.0]))
@@ -687,3 +691,301 @@ def test_a_push_is_lessened_until_none_is_left(monkeypatch):
     assert done == [8.0, 2.0, "refine", 0.5, "refine", 0.125, "refine"]
     here.push_force, least = 8.0, 1.0
     assert Unfixed._refine(run) == "held"
+
+
+# -- which way a search goes on --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("known", "of_line", "tried", "blocked"),
+    [
+        (([0.0, 5.0], 1.0), None, [5.0], ""),
+        (([0.0, 5.0], -1.0), [2.0, 3.0], [2.0, 3.0, 5.0], "the energy is below"),
+        (([0.0, 5.0], 0.0), [], [5.0], ""),
+        (None, [2.0], [2.0], ""),
+        (None, [], [7.0], ""),
+    ],
+)
+def test_durations_are_those_of_motions_or_of_the_line(monkeypatch, known, of_line, tried, blocked):
+    found: Any = object.__new__(FirstPaths)
+    vars(found).update(problem=ACROSS, blocked="", lost=[])
+    monkeypatch.setattr(first_paths, "times_along", lambda *_: known)
+    monkeypatch.setattr(first_paths, "return_time", lambda *_: 7.0)
+    found._durations_of_energy = lambda: list(of_line)
+    found._over = lambda T: None if T == 2.0 else T
+    found._scan = lambda T, first: iter([("beside", T, first)])
+    over = [T for T in tried if T != 2.0]
+    beside = ("beside", tried[-1], None if tried[-1] == 2.0 else tried[-1])
+    assert list(found.over_durations()) == [*over, beside]
+    assert found.lost == [T for T in tried if T == 2.0]
+    assert found.blocked.startswith(blocked)
+    assert bool(found.blocked) == bool(blocked)
+
+
+def test_forward_motions_are_tried_where_ends_are_given(monkeypatch):
+    def search(closed=False, n=2, pinned=2, freedom=2, found=()):
+        whole = fake(pinned=tuple(range(pinned)))
+        system = fake(n=n, degrees_of_freedom=freedom)
+        problem = fake(system=system, start=whole, end=fake(pinned=tuple(range(n))))
+        made = fake(problem=problem, closed=closed, seed=0, far=None, found=list(found))
+        made._close = lambda shots: iter(["close"])
+        made._bracket = lambda v: iter([("bracket", v)])
+        made._aim = lambda v: iter([("aim", v)])
+        return made
+
+    speeds = []
+    monkeypatch.setattr(searches, "velocities", lambda p, far, count, rng: np.full((1, count), 3.0))
+    monkeypatch.setattr(
+        searches, "in_directions", lambda p, speed, rng: speeds.append(speed[0]) or "round"
+    )
+    shots: Any = searches.Answers._forward_shots
+    assert list(shots(search(closed=True), 4)) == ["close"]
+    for nothing in (search(pinned=1), search(freedom=0)):
+        assert not list(shots(nothing, 9))
+    assert not list(shots(search(), 3))
+    ((how, v0),) = shots(search(n=1, pinned=1), 5)
+    assert (how, v0.size) == ("bracket", 20)
+    known = [(fake(start=fake(v=np.array([3.0, 4.0]))), (), "")]
+    made = search(found=known)
+    tried = list(shots(made, 5))
+    assert len(tried) == 1 + searches.FRUITLESS_BATCHES
+    assert speeds[0].min() >= 4.0
+    assert np.ptp(speeds[0]) == pytest.approx(2.0)
+    speeds.clear()
+    made = search()
+    made._aim = lambda v: made.found.append(known[0]) or iter([v])
+    assert len(list(shots(made, 5))) == 1 + searches.SHOT_BATCHES
+
+
+def test_paths_to_surfaces_are_sought_from_points_and_motions(monkeypatch):
+    run = fake(problem=ACROSS, tol=1e-8, seed=3, classes=["class"], tell=lambda *_: None)
+    monkeypatch.setattr(searches, "points", lambda problem, starts, seed: [(starts, seed)] * 2)
+    monkeypatch.setattr(searches, "paths_to_points", lambda p, tol, watch, pairs: pairs)
+    monkeypatch.setattr(searches, "motions_to_surfaces", lambda problem, watch: ["motion"])
+    found = [(s.guess, s.how) for s in searches.Answers._on_surfaces(run, 5, 1)]
+    at = ((5, 3), "a point on a surface")
+    assert found == [(None, "as `solve` does"), at, at, ("motion", "a forward shot")]
+    assert len(list(searches.Answers._on_surfaces(run, 5, 0))) == 3
+
+
+def test_a_window_to_a_surface_keeps_the_least_path(monkeypatch):
+    from actionopt.solver import nearest_points
+
+    mesh, nowhere = Mesh([0.0, 1.0], [3]), fake(success=False)
+    choices = Choices(1e-9, "auto", STRATEGIES, mesh, None)
+
+    def free(problem, near, choices):
+        return fake(
+            success=near is not None and near.action < 9, action=getattr(near, "action", 0)
+        ), near
+
+    def between(problem, guess, choices, verdict=True):
+        return (problem if choices.mesh is None else ("between", problem)), ""
+
+    monkeypatch.setattr(nearest_points, "points", lambda problem: [(p, None) for p in known])
+    monkeypatch.setattr(unfixed, "solve_free_boundary", free)
+    monkeypatch.setattr(revisions, "between", between)
+    to, plain = fake(on_surface=True), fake(on_surface=False)
+    assert revisions._on_window(plain, None, choices)[0] == ("between", plain)
+    assert revisions._on_window(to, fake(action=3), choices)[0].action == 3
+    known = [nowhere, *(fake(success=True, action=a) for a in (9.0, 5.0, 2.0, 4.0))]
+    assert revisions._on_window(to, None, choices)[0].action == 2.0
+    known = [nowhere, fake(success=True, action=9.5), fake(success=True, action=9.0)]
+    assert revisions._on_window(to, None, choices)[0].action == 9.5
+    known = [nowhere]
+    assert revisions._on_window(to, None, choices)[1] is None
+
+
+def test_what_a_search_may_cost_is_limited_once():
+    def search(**known):
+        found: Any = object.__new__(Search)
+        vars(found).update(dict(curved=False, budget=np.inf, saddle=None, principle="auto") | known)
+        return found
+
+    plain = search(ws=fake(watch=None))
+    assert not plain._is_exhausted
+    plain._limit(10)
+    watch = plain.ws.watch
+    assert watch.most == plain.budget == BUDGET
+    watch.evaluated = 100
+    plain._limit(10)
+    assert (watch.most, plain.budget) == (BUDGET, BUDGET)
+    saddle = search(ws=plain.ws, saddle=object(), budget=BUDGET)
+    saddle._limit(10)
+    assert watch.most == 110
+    assert not saddle._is_exhausted
+    assert watch.most == BUDGET
+    saddle.principle = "stationary"
+    saddle._limit(10)
+    assert watch.most == BUDGET
+    watch.evaluated = BUDGET + 1
+    assert saddle._is_exhausted
+    assert watch.most == np.inf
+    curved = search(ws=fake(watch=fake(has_costs=True)), curved=True)
+    curved._limit(10)
+    assert curved.budget == np.inf
+    timed = search(ws=fake(watch=fake(has_costs=False)))
+    timed._limit(10)
+    assert timed.budget == np.inf
+    watch.most, plain._refine = 7.0, lambda: watch.most
+    assert (plain.refine(), watch.most) == (np.inf, 7.0)  # a path in hand is not given up
+
+
+def test_amplitudes_are_changed_until_the_integral_is_that_given(monkeypatch):
+    # |z|^2 for z = origin + a . variations
+    monkeypatch.setattr(waves, "DiscretePath", lambda tr, z: z)
+    monkeypatch.setattr(waves, "integrals", lambda z: (np.array([z @ z]), 2 * z[None, :3]))
+    origin, variations = np.array([1.0, 0.0, 0.0]), np.array([[0.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
+    tr: Any = None
+    off, step = waves._correct(tr, origin, variations, np.array([1.0, 0.0]), np.array([3.0]))
+    np.testing.assert_allclose(off, [2.0])
+    np.testing.assert_allclose(step, [-0.25, 0.0])
+    for size, square in ((1e3, 5.0), (0.1, 5.0), (3.0, 101.0)):
+        a = size * np.array([1.0, 0.5])
+        found = waves._project(tr, origin, variations, a, np.array([square]))
+        assert found is not None
+        assert found @ found == pytest.approx(square, rel=1e-6)
+        assert found[0] == 1.0
+    assert waves._project(tr, origin, variations, np.ones(2), np.array([0.5])) is None
+    assert waves._project(tr, origin, variations, np.full(2, np.nan), np.array([5.0])) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "height"),
+    [
+        ([0, 1, 2, 3, 6, 7, 8, 9], 6.0),
+        ([3, 1, 2, 0, 9, 6, 8, 7], 6.0),
+        ([0, 1, 2, 3, 5.99, 6.99, 7.99, 8.99], 0.0),
+        ([9, 9, 9, 9, 2, 2, 2, 2], 7.0),
+        ([9, 9, np.inf, 9, 2, np.nan, 2, 2], 7.0),
+        ([0, 1, 2, np.nan, 6, 7, 8, np.inf], 6.0),
+        ([np.nan, np.nan, np.nan, np.nan, 2, 2, 2, 2], 0.0),
+        ([5, 5, 5, 5, 5, 5, 5, 5], 0.0),
+    ],
+)
+def test_the_height_of_a_jump_is_that_of_the_medians(values, height):
+    found = crossing._heights(np.array([values, 2 * np.array(values, dtype=float)]))
+    assert found == pytest.approx([height, 2 * height])
+
+
+def test_paths_are_packed_and_found_again():
+    rng = np.random.default_rng(0)
+    meshes = [Mesh([0.0, 1.0, 1.5], [3, 2]), Mesh([2.0, 5.0], [4]), Mesh([-1.0, 0.0, 3.0], [1, 5])]
+    paths = [Path(mesh, rng.standard_normal((2, mesh.nodes.size))) for mesh in meshes]
+    packed = PackedPaths.of(np.array([4, 9, 7]), paths)
+    for member, path in zip((4, 9, 7), paths, strict=True):
+        found = packed.path(member)
+        assert found is not None
+        np.testing.assert_array_equal(found.values, path.values)
+        np.testing.assert_array_equal(found.mesh.boundaries, path.mesh.boundaries)
+        assert found.mesh.degrees == path.mesh.degrees
+    assert packed.path(5) is None
+
+
+# -- test problems ---------------------------------------------------------------------------------
+
+
+def test_defined_variables_of_an_evaluation_follow_one_another(monkeypatch):
+    monkeypatch.setattr(nl, "_places", lambda listing, here: {"here": here})
+    listing: Any = fake(
+        moving=[0, 2], lagrangian=fake(common=[1, 1, 1]),
+        evaluations=lambda: [fake(columns=np.zeros(3))] * 2,
+    )  # fmt: skip
+    one, other = nl._evaluations(listing, 7)
+    assert one[1:] == (7, {"here": one[0], "v": ["v7", "", "v8"], "s": ["v9", "v10", "v11"]})
+    assert other[1:] == (
+        12,
+        {"here": other[0], "v": ["v12", "", "v13"], "s": ["v14", "v15", "v16"]},
+    )
+
+
+def test_the_facts_of_a_member_are_plain_data(monkeypatch):
+    monkeypatch.setattr(dump, "summary", lambda problem: {"name": "a"})
+    inf, other = np.inf, fake(x=np.array([2.0]), f=3.0, index=1, kind="saddle")
+    member = fake(
+        bounds=(np.array([-inf, 1.0]), np.array([2.0, inf])), lowest=-inf, others=[other],
+        constraint_bounds=(np.array([-inf]), np.array([5.0])), variable_names=["x", "y"],
+        constraint_names=["c"], start_names=["own"], start=lambda name: np.array([7.0]),
+        x_star=np.ones(2), lam_star=np.zeros(1), f_star=4.0, index_star=0, known_by={"f": "b"},
+    )  # fmt: skip
+    found = dump.facts(member)
+    sides = [found[k] for k in ("x_lower", "x_upper", "c_lower", "c_upper")]
+    assert sides == [[None, 1.0], [2.0, None], [None], [5.0]]
+    assert found["other_stationary_points"] == [
+        {"x": [2.0], "f": 3.0, "index": 1, "kind": "saddle"}
+    ]
+    assert (found["f_star"], found["f_lowest_known"], found["starts"]) == (
+        4.0,
+        None,
+        {"own": [7.0]},
+    )
+    member.lowest = -9.0
+    assert dump.facts(member)["f_lowest_known"] == -9.0
+    assert (found["name"], found["variables"], found["lam_star"]) == ("a", ["x", "y"], [0.0])
+
+
+def test_bounds_that_are_met_and_the_steps_of_a_sequence(monkeypatch):
+    def member(x, c):
+        return fake(
+            x_star=np.array(x), lam_star="lam", unit=np.array([1.0, 100.0]), m=2,
+            bounds=(np.array([0.0, -np.inf]), np.array([1.0, 5.0])),
+            constraints=lambda x: np.array(c),
+            constraint_bounds=(np.array([0.0, 2.0]), np.array([0.0, np.inf])),
+        )  # fmt: skip
+
+    near = sequence.AT_BOUND / 2
+    made = {1.0: member([near, 5.0 - 100 * near], [0.0, 2.0 + near]),
+            2.0: member([0.5, 5.0 + near], [0.0, 2.0 + 4 * near]),
+            3.0: member([1.0, 4.0], [0.0, 3.0])}  # fmt: skip
+    assert sequence.in_force(made[1.0]).tolist() == [True] * 4
+    assert sequence.in_force(made[2.0]).tolist() == [False, True, True, False]
+    assert sequence.in_force(made[3.0]).tolist() == [True, False, True, False]
+    monkeypatch.setattr(sequence.suite, "member", lambda name, elements, degree, *, g: made[g])
+    found = list(sequence.steps("a", "g", [1.0, 2.0, 3.0]))
+    assert [(s.value, s.problem) for s in found] == [(g, made[g]) for g in (2.0, 3.0)]
+    assert [s.changes for s in found] == [2, 2]
+    assert found[1].x is made[2.0].x_star
+
+
+def test_ways_are_scored_and_distances_are_in_units():
+    unit, flat = np.array([1.0, 10.0]), np.array([[0.0], [1.0]])
+    made = fake(n=2, unit=unit, flat=np.zeros((2, 0)), x_star=np.array([1.0, 20.0]))
+    distance = Member.distance
+    assert distance(made, np.array([1.5, 10.0])) == pytest.approx(1.0)
+    assert distance(made, np.array([1.5, 10.0]), np.array([1.0, 10.0])) == pytest.approx(0.5)
+    made.flat = flat
+    assert distance(made, np.array([1.5, 10.0])) == pytest.approx(0.5)
+    with pytest.raises(ValueError, match="expected 2 numbers as x, found the shape"):
+        distance(made, np.zeros(3))
+
+
+def test_a_bent_line_is_half_a_wave_beside_the_straight_one():
+    tr: Any = fake(problem=fake(start=fake(t=1.0), duration=2.0),
+                   straight=lambda: np.array([[0.0, 5.0], [1.0, 5.0], [4.0, 7.0]]))  # fmt: skip
+    found = stars.bent_line(tr, (0.5, -1.0))(np.array([1.0, 1.5, 2.0, 3.0]))
+    half = np.sqrt(0.5)
+    np.testing.assert_allclose(
+        found, [[0.0, 1 + half / 2, 2.5, 4.0], [5.0, 5.5 - half, 5.0, 7.0]], atol=1e-12
+    )
+
+
+def test_other_optima_are_those_that_differ(monkeypatch):
+    def star(*z):
+        return fake(z=np.array(z))
+
+    def solve(problem, tol, guess):
+        if guess == "lost":
+            raise ValueError("none")
+        return guess
+
+    monkeypatch.setattr(active_set, "solve", solve)
+    monkeypatch.setattr(active_set, "bent_line", lambda tr, bend: bend)
+    monkeypatch.setattr(active_set, "from_path", lambda tr, path: path)
+    monkeypatch.setattr(active_set, "nearest", lambda tr, point, reach: point)
+    tr, known, one = fake(layout=fake(unknowns=2)), star(0.0, 1.0, 5.0), star(0.0, 2.0, 5.0)
+    again, other = star(0.0, 1.0, 9.0), star(3.0, 2.0, 5.0)
+    bends: Any = ("lost", one, other)
+    scene: Any = fake(problem=None)
+    points: Any = [None, again, one]
+    found = active_set.others(tr, scene, bends, points, known)
+    assert [s is t for s, t in zip(found, (one, other), strict=True)] == [True, True]
