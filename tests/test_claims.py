@@ -632,7 +632,8 @@ W = {  # scene: sentences: whether they are so
         ),
         "look": lambda s: (
             same([s.vy[pressed(s)[0]], s.a[0, pressed(s)[0]]], 0.0)
-            and same(s.a[0, np.abs(s.t - s.f["contact_begin"]) < 0.02], 0.0, 0.1)
+            and same(s.solution.acceleration(s.f["contact_begin"]), 0.0)
+            and s.a[0, s.t < s.f["contact_begin"]][-1] > 0.01  # of a rate that is not zero
         ),
         "contact": lambda s: pressed(s)[1] and same(s.y[pressed(s)[0]], 0.0),
     },

@@ -43,10 +43,12 @@ ANSWERS = {
     f"ao.{name}"
     for name in ("Bounce", "Event", "Mesh", "Path", "Periodic", "Problem", "State", "System")
 }
-# What Python says of arguments that are missing, too many, unknown, or no place in a sequence.
+# What Python says of arguments that are missing, too many, unknown, or no place in a sequence,
+# and what the odd callable `int` says of an array.
 UNFIT = re.compile(
     r"\(\) (takes|missing|got)|^(too many|missing a|got an unexpected)|"
-    r"indices must|scalar index|index-sized"
+    r"indices must|scalar index|index-sized|"
+    r"only (0-dim|length-1|size-1)|as an integer|int\(\) argument"
 )
 SECONDS = 10  # one call; what takes longer is ended, and no finding
 

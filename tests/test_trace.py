@@ -244,6 +244,8 @@ def test_bad_arguments():
     half = ao.Problem(plane, ao.Event(0.0, [None, 0.0]), ao.Event(1.0, [1.0, 1.0]))
     with pytest.raises(ValueError, match="event gives, one of y, found 'x'"):
         trace(half, ("start", "x"), 1.0)
+    with pytest.raises(ValueError, match="try a nearer goal"):  # steps of 1e294 about 1
+        trace(systems.bratu(), "t1", 1e300)
 
 
 @pytest.mark.long

@@ -281,6 +281,11 @@ class Branch:
         if known is None or not self.norm(tr, y - known[1]) <= SAME_SLOPE:
             z, s, h = y[:-1], float(y[-1]), DIFFERENCE * self.range
             (ahead, after), (behind, before) = self._beside(s, h), self._beside(s, -h)
+            if ahead == behind:
+                raise ValueError(
+                    f"expected a goal from which {s:g} can be told, found none of a question "
+                    f"{h:.3g} before or behind it; try a nearer goal"
+                )
             column = (after.residual(z) - before.residual(z)) / (ahead - behind)
             self.slope = known = column, y
         return known[0]
