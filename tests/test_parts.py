@@ -22,10 +22,13 @@ from actionopt.families.retry import retry_of
 from actionopt.mechanics.obstacle import Arc, put_on_obstacle
 from actionopt.solver import (
     descent,
+    durations,
+    first_contacts,
     first_paths,
     free_contact,
     ipopt,
     near_guess,
+    passing_times,
     resonances,
     revisions,
     through,
@@ -38,6 +41,7 @@ from actionopt.solver.first_paths import FirstPaths
 from actionopt.solver.homotopy import HomotopyCurve
 from actionopt.solver.ray_tracing import RAY_SPEEDS, ClosedRayTracer, RayTracer
 from actionopt.solver.rays import BEST_RAYS, RAY_SPREAD, RaySearch, ways_on
+from actionopt.solver.record import Record
 from actionopt.solver.search import BUDGET, Search
 from actionopt.solver.strategies import STRATEGIES
 from actionopt.solver.taut_strings import Ways
@@ -989,3 +993,170 @@ def test_other_optima_are_those_that_differ(monkeypatch):
     points: Any = [None, again, one]
     found = active_set.others(tr, scene, bends, points, known)
     assert [s is t for s, t in zip(found, (one, other), strict=True)] == [True, True]
+
+
+# -- times and places that an energy gives ---------------------------------------------------------
+
+RAMP = System(lambda q, v, t: 1.5 * v[0] ** 2 - 6 * q[0], ["x"])  # a mass of 3, pulled by 6
+
+
+def up_the_ramp(energy, start=0.0, end=1.0):
+    return Problem(RAMP, Event(0.0, [start]), Event(None, [end]), energy=energy)
+
+
+def test_speeds_of_the_energy():
+    q, u = np.array([[0.0], [0.5], [3.0]]), np.array([[2.0], [-0.1], [1.0]])
+    found, left = durations.rates(up_the_ramp(9.0), q, u, np.zeros((3, 1)))
+    assert left == pytest.approx([9.0, 6.0, -9.0])
+    assert found[:2] * np.abs(u[:2, 0]) == pytest.approx([np.sqrt(6.0), 2.0])
+    assert np.isnan(found[2])
+    fast = System(lambda q, v, t: -np.sqrt(1 - v[0] ** 2), ["x"])  # the energy is 1 / sqrt(1 - v^2)
+    problem = Problem(fast, Event(0.0, [0.0]), Event(None, [1.0]), energy=1.25)
+    found, left = durations.rates(problem, q, 0.5 * u, np.zeros((3, 1)))
+    assert found * u[:, 0] / 2 == pytest.approx([0.6, -0.6, 0.6])
+    assert left == pytest.approx([0.25] * 3)
+
+
+@pytest.mark.parametrize("energy", [6.0, 13.5])
+def test_the_time_up_a_ramp(energy):
+    # v falls by 2 per time: t = (v(0) - v(x)) / 2 with v(x)^2 = 2 (E - 6 x) / 3
+    q = np.linspace(0.0, 1.0, 7)
+    v = np.sqrt(2 * (energy - 6 * q) / 3)
+    found = durations.times_along(up_the_ramp(energy), q[:, None], 0.0)
+    assert found is not None
+    assert found[0] == pytest.approx((v[0] - v) / 2)
+    assert found[1] == pytest.approx(energy - 6)
+    passage = durations.straight_passage(up_the_ramp(energy))
+    assert passage is not None
+    t, x, speed = passage
+    assert t == pytest.approx((v[0] - speed) / 2)
+    assert speed == pytest.approx(np.sqrt(2 * (energy - 6 * x) / 3))
+    back = durations.straight_passage(up_the_ramp(energy, 1.0, 0.0))
+    assert back is not None
+    assert back[0][-1] == pytest.approx(t[-1])
+    assert back[2][-1] == pytest.approx(-v[0])
+    assert durations.return_time(up_the_ramp(energy), np.zeros(1), 0.0) == pytest.approx(v[0])
+
+
+def test_where_no_motion_goes_there_is_no_time():
+    assert durations.straight_passage(up_the_ramp(5.0)) is None
+    assert durations.straight_passage(up_the_ramp(5.0, 0.5, 0.5)) is None
+    nowhere = durations.times_along(up_the_ramp(-1.0), np.linspace(0, 1, 5)[:, None], 0.0)
+    assert nowhere is None
+    assert durations.times_along(up_the_ramp(9.0), np.ones((5, 1)), 0.0) is None
+    assert durations.return_time(Problem(FREE, Event(0, [0, 0]), Event(None, [1, 1]), energy=1.0),
+                                 np.zeros(2), 0.0) == 1.0  # fmt: skip
+    through_ramp = durations.times_along(up_the_ramp(3.0), np.linspace(0, 1, 5)[:, None], 0.0)
+    assert through_ramp is not None
+    assert (np.diff(through_ramp[0]) > 0).all()
+    assert through_ramp[1] == pytest.approx(-3.0)
+
+
+def test_a_barrier_is_told_where_the_energy_is_below_it():
+    words = "the energy 5 is below the potential, 6, at x = 1, which every motion has to pass"
+    assert durations.explain_barrier(up_the_ramp(5.0)).startswith(words)
+    assert not durations.explain_barrier(up_the_ramp(6.0))
+    hill = System(lambda q, v, t: v[0] ** 2 / 2 - 4 * q[0] * (1 - q[0]), ["x"])
+    ends = Event(0.0, [0.0]), Event(None, [1.0])
+    assert "potential, 1, at x = 0.5" in durations.explain_barrier(Problem(hill, *ends, energy=0.9))
+    other = System(lambda q, v, t: v[0] ** 4 - 6 * q[0], ["x"])  # not quadratic in v
+    assert not durations.explain_barrier(Problem(other, *ends, energy=5.0))
+    negative = System(lambda q, v, t: -(v[0] ** 2) - 6 * q[0], ["x"])
+    assert not durations.explain_barrier(Problem(negative, *ends, energy=5.0))
+
+
+def test_a_closed_motion_goes_between_its_turning_points():
+    well = System(lambda q, v, t: v[0] ** 2 / 2 - (q[0] - 1) ** 2, ["x"])
+    closed = Problem(well, Event(0.0, [None]), ao.Periodic(None), energy=0.25)
+    found = durations.turning_waypoints(closed)
+    assert found is not None
+    assert found.min() == pytest.approx(0.5)
+    assert found.max() == pytest.approx(1.5)
+    assert found[0, 0] == found[0, -1] == found.min()
+    assert durations.turning_waypoints(closed.replace(energy=-0.1)) is None
+    free = Problem(systems.particle("x"), Event(0.0, [None]), ao.Periodic(None), energy=1.0)
+    assert durations.turning_waypoints(free) is None
+    round_ = Problem(
+        systems.pendulum(), Event(0.0, [0.5]), ao.Periodic(None, [2 * np.pi]), energy=2.0
+    )
+    on = durations.turning_waypoints(round_)
+    assert on is not None
+    assert on[0, [0, -1]] == pytest.approx([0.5, 0.5 + 2 * np.pi])
+    assert durations.turning_waypoints(round_.replace(energy=0.5)) is None
+
+
+def test_times_change_where_the_action_bends_down_most():
+    # The part of the times, of the inverse, is that of diag(2, -3, -1) in turned axes.
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    whole = np.eye(5)
+    whole[1:4, 1:4] = turn @ np.diag([2.0, -3.0, -1.0]) @ turn.T
+    step = passing_times._downwards(
+        fake(solve=lambda row: np.linalg.inv(whole) @ row), slice(1, 4), 5
+    )
+    assert step is not None
+    assert np.abs(step) == pytest.approx(np.abs(turn[:, 1]) / np.abs(turn[:, 1]).max())
+    assert passing_times._downwards(fake(solve=lambda row: row), slice(1, 4), 5) is None
+
+
+# -- first lines, and where a descent may go -------------------------------------------------------
+
+
+def test_first_lines_pass_a_disc_on_either_side():
+    disc = System(
+        lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1
+    )
+    problem = Problem(disc, Event(0.0, [-2.0, 0.0]), Event(2.0, [2.0, 0.0]))
+    assert np.abs(first_contacts.sideways(problem)) @ [1, 0] == pytest.approx(0.0, abs=1e-12)
+    found: Any = first_contacts.lines(problem, Mesh.uniform(0.0, 2.0, 6, 4))
+    straight, *bent = found
+    assert straight is None
+    for path in bent:
+        assert (np.linalg.norm(path.values, axis=0) >= 1).all()
+        np.testing.assert_allclose(path.values[:, [0, -1]], [[-2.0, 2.0], [0.0, 0.0]], atol=1e-12)
+        np.testing.assert_allclose(path.values[1], path.values[1, ::-1], atol=1e-9)
+    assert bent[0](1.0)[1] == pytest.approx(-bent[1](1.0)[1])
+    one = Problem(System(lambda q, v, t: v[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0]),
+                  Event(0.0, [1.0]), Event(1.0, [1.0]))  # fmt: skip
+    assert first_contacts.lines(one, Mesh.uniform(0.0, 1.0, 2, 2)) == [None]
+    assert first_contacts._across(np.zeros(2)).any()
+
+
+def test_how_far_a_matrix_has_to_be_shifted(monkeypatch):
+    monkeypatch.setattr(descent, "product", lambda layout, A, step: A @ step)
+    tr: Any = fake(layout=None)
+    H, K, step = np.diag([-6.0, 1.0]), np.diag([2.0, 0.0]), np.array([3.0, 1.0])
+    least = descent._least_mu(tr, H, K, step)
+    assert 0 < 53 / 18 - least < 1e-5
+    assert descent._least_mu(tr, H, K, np.zeros(2)) == 0.0
+    assert descent._least_mu(tr, -H, K, np.array([0.0, 1.0])) == np.inf
+    assert descent._least_mu(tr, H, K, np.array([0.0, 1.0])) == 0.0
+
+
+def test_coordinates_given_nowhere_may_move_by_a_constant():
+    def moves(start, end, advance=None):
+        problem: Any = fake(start=fake(pinned=start), end=fake(pinned=end), advance=advance,
+                            system=fake(n=2))  # fmt: skip
+        layout = fake(size=7, unknowns=5, free=np.array([1, 2, 3, 4, 5]), width=2)
+        return descent.loose_constants(fake(problem=problem, layout=layout)).tolist()
+
+    assert moves((0,), ()) == [1, 0, 1, 0, 1, 0, 0]
+    assert moves((), (1,)) == [0, 1, 0, 1, 0, 0, 0]
+    assert moves((), (1,), advance=0) == [1, 1, 1, 1, 1, 0, 0]
+    assert moves((0,), (1,)) == [0] * 7
+
+
+def test_records_of_two_searches_add_up():
+    one, other = Record(), Record()
+    one.iterations["newton"], other.iterations["newton"], other.iterations["ipopt"] = 3, 4, 5
+    one.time["solve"], other.time["solve"], other.time["verify"] = 1.0, 2.0, 4.0
+    one.rounds, other.rounds = [{"elements": 1}], [{"elements": 2}]
+    one.evaluations["action"] = 7
+    both = other.after(one)
+    assert both.iterations == {"newton": 7, "ipopt": 5}
+    assert both.time == {"solve": 3.0, "verify": 4.0}
+    assert (both.rounds, both.evaluations) == ([{"elements": 2}], {"action": 7})
+    assert one.time == {"solve": 1.0}
+    both.round(fake(mesh=fake(degrees=(3, 7, 5), elements=3), layout=fake(size=9)), 2.0)
+    assert both.rounds[1] == {
+        "elements": 3, "degrees": [3, 7], "unknowns": 9, "estimate": None, "time": 2.0
+    }  # fmt: skip
