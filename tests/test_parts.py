@@ -21,13 +21,17 @@ from actionopt.families.path_store import PackedPaths
 from actionopt.families.retry import retry_of
 from actionopt.mechanics.obstacle import Arc, put_on_obstacle
 from actionopt.solver import (
+    closed,
+    closed_contact,
     descent,
     durations,
+    family,
     first_contacts,
     first_paths,
     free_contact,
     ipopt,
     near_guess,
+    nearest_points,
     passing_times,
     resonances,
     revisions,
@@ -35,6 +39,7 @@ from actionopt.solver import (
     two_sided_shooting,
     unfixed,
     waves,
+    window,
 )
 from actionopt.solver.between import Choices
 from actionopt.solver.first_paths import FirstPaths
@@ -773,8 +778,6 @@ def test_paths_to_surfaces_are_sought_from_points_and_motions(monkeypatch):
 
 
 def test_a_window_to_a_surface_keeps_the_least_path(monkeypatch):
-    from actionopt.solver import nearest_points
-
     mesh, nowhere = Mesh([0.0, 1.0], [3]), fake(success=False)
     choices = Choices(1e-9, "auto", STRATEGIES, mesh, None)
 
@@ -1160,3 +1163,174 @@ def test_records_of_two_searches_add_up():
     assert both.rounds[1] == {
         "elements": 3, "degrees": [3, 7], "unknowns": 9, "estimate": None, "time": 2.0
     }  # fmt: skip
+
+
+# -- closed paths, and steps from rest to rest -----------------------------------------------------
+
+
+def closed_path(relabel=None, advance=None):
+    """Return x = cos 2 pi t, y = sin 2 pi t over [1, 2] and its problem."""
+    system = systems.particle("x y")
+    problem = Problem(system, Event(1.0, [None, None]), ao.Periodic(2.0, advance, relabel=relabel))
+    mesh = Mesh(1.0 + np.array([0.0, 0.2, 0.5, 0.7, 1.0]), [16, 18, 20, 22])
+
+    def curve(t):
+        return np.array([np.cos(2 * np.pi * t), np.sin(2 * np.pi * t)])
+
+    return Path.interpolate(curve, mesh), problem, curve
+
+
+def test_a_closed_path_goes_on_before_and_after():
+    path, problem, curve = closed_path()
+    since = np.array([-0.9, -0.1, 0.0, 0.3, 1.2, 1.95])
+    q, v = closed.states_beyond(path, problem, since)
+    np.testing.assert_allclose(q, curve(1 + since), atol=1e-9)
+    np.testing.assert_allclose(v, 2 * np.pi * np.array([-1, 1])[:, None] * curve(1 + since)[::-1],
+                               atol=1e-6)  # fmt: skip
+    # After a period x is what y was, and moved by 3; y is what x was, and moved by 5.
+    path, problem, curve = closed_path(relabel=[1, 0], advance=[3.0, 5.0])
+    q, v = closed.states_beyond(path, problem, np.array([0.25, 1.25, -0.75]))
+    x, y = curve(1.25)
+    expected = np.array([[x, y], [y + 3, x + 5], [y - 5, x - 3]]).T
+    np.testing.assert_allclose(q, expected, atol=1e-9)
+    np.testing.assert_allclose(v[:, 1], v[::-1, 0], atol=1e-9)
+    np.testing.assert_allclose(v[:, 2], v[::-1, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("shift", [0.1, 0.2, 0.55, -0.3, 1.0 - 1e-9])
+def test_a_closed_path_is_begun_later(shift):
+    path, problem, curve = closed_path()
+    found = closed.begin_later(path, shift, problem)
+    assert found.mesh.boundaries[[0, -1]].tolist() == [1.0, 2.0]
+    t = np.linspace(1.0, 2.0, 23)
+    np.testing.assert_allclose(found(t), curve(t + shift), atol=1e-7)
+    assert found.mesh.lengths.min() > 1e-3
+
+
+def test_when_a_closed_path_passes_what_is_wanted():
+    path, problem, _ = closed_path()
+    found = closed.passage_times(path, problem, [0], np.array([0.5]), np.array([2.0]))
+    times = np.array([-5 / 6, -1 / 6, 1 / 6, 5 / 6])
+    assert sorted(t for t, _ in found) == pytest.approx(times)
+    assert max(off for _, off in found) < 1e-8
+    found = closed.passage_times(path, problem, [0, 1], np.array([0.0, 1.5]), np.ones(2))
+    best = min(found, key=lambda known: (known[1], known[0]))
+    assert best[1] == pytest.approx(0.5)
+    assert best[0] % 1.0 == pytest.approx(0.25)
+
+
+def test_a_closed_path_begins_where_it_meets_its_surface():
+    path, problem, curve = closed_path()
+    on = Event(1.0, [None, None], on=lambda q, t: q[0] - 0.5)
+    asked = problem.replace(start=on)
+    found = [x(1.0)[0] for x in closed.begin_on_surface(path, asked)]
+    assert found[:2] == pytest.approx([0.5, 0.5], abs=0.05)
+    assert closed.begin_on_surface(path, problem) == [path]
+    free = fake(path=path, problem=problem)
+    assert closed_contact._first_passage(asked, free) == pytest.approx(1 / 6)
+    beyond = problem.replace(start=Event(1.0, [None, None], on=lambda q, t: q[0] - 1.5))
+    assert closed_contact._first_passage(beyond, free) is None
+
+
+def test_a_step_from_rest_to_rest():
+    slow = fake(slow=2.0, slope=np.diag([5.0, 3.0])), fake(slow=8.0, slope=np.diag([1.0, 1.0]))
+    ends = {"start": fake(near=(0.0, 1.0)), "end": fake(near=(4.0, 1.0))}
+    found = window.step(fake(rests=slow, through=(), **ends))
+    assert found is not None
+    t = np.array([-9.0, 0.0, 0.5])
+    np.testing.assert_allclose(
+        found(t), [[0.0, 2.0, 2 + 2 * np.tanh(1.0)], [1.0, 1.0, 1.0]], atol=1e-7
+    )
+    assert window.step(fake(rests=(slow[0], None), through=(), **ends)) is None
+    assert window.step(fake(rests=slow, through=(), **ends | {"end": ends["start"]})) is None
+    np.testing.assert_allclose(window._metric(slow), np.diag([2.0, 1.0]))
+    np.testing.assert_allclose(window._metric(slow[::-1]), np.diag([2.0, 1.0]))
+    phase = window._plane(np.diag([2.0, 1.0]), np.array([7.0, 8.0]), np.array([1.0, 2.0]))
+    assert (phase.t, phase[2], phase[3]) == (0.0, (7.0, 8.0), 6.0)
+    assert phase[1] == pytest.approx((1 / 3, 1 / 3))
+    seen: Any = lambda times: times  # noqa: E731
+    seen.problem = fake(rests=slow)
+    guess = window.restrict_guess(seen, fake(start=fake(t=1.0), duration=10.0))
+    assert guess(np.array([9.0, 10.0])).tolist() == [0.0, 1.0]  # 8 of 10 at the slow one
+
+
+@pytest.mark.parametrize(
+    ("known", "expected"),
+    [
+        ({"forced": True}, False),
+        ({"unbalance": 1}, False),
+        ({"status": "DEGENERATE"}, True),
+        ({"status": "DEGENERATE", "linear": True}, False),
+        ({"status": "UNRESOLVED"}, True),
+        ({"status": "NOT_FOUND"}, False),
+        ({"status": "NOT_FOUND", "unpolished": 1}, True),
+        ({"status": "UNBOUNDED", "unpolished": 1}, False),
+        ({"one": False}, False),
+        ({"one": False, "noise": 1.0}, False),
+        ({"growth": 10.0}, False),
+        ({"growth": 1e30}, True),
+        ({"growth": 0.0}, True),
+        ({"status": "FLOOR", "growth": 1e30}, True),
+        ({"growth": 1e30, "since": 1e30, "fresh": 1.0}, True),
+        ({"growth": 9e3, "since": 1e30, "fresh": 1e30}, True),
+        ({"growth": 9e3, "since": 1e30, "fresh": 1e30, "linear": True}, False),
+        ({"closes": True, "one": False}, False),
+    ],
+)
+def test_what_may_be_one_of_a_family(known, expected):
+    told = {
+        "forced": False,
+        "unbalance": None,
+        "status": "SOLVED",
+        "linear": False,
+        "since": 0.0,
+        "unpolished": None,
+        "one": True,
+        "noise": 0.0,
+        "growth": 1.0,
+        "closes": False,
+    } | known
+
+    here = fake(can_be_one_of_many=told["one"], noise=0.0, sizes=np.ones(1), lengths=np.ones(1),
+                growth=told["growth"], since=told["since"], tr=fake(lengths=np.ones(1)),
+                Q=np.array([[0.0], [1.0]]))  # fmt: skip
+    here.with_probed = lambda many: here
+    here.with_fresh_factors = lambda: vars(here).update(growth=told["fresh"]) or here
+    if told["noise"]:
+        here.can_be_one_of_many = False
+    problem = fake(system=fake(structure=fake(forced=told["forced"])), closes=told["closes"])
+    ws = fake(problem=problem, here=here, many=None, **{
+        k: told[k] for k in ("unbalance", "linear", "unpolished")})  # fmt: skip
+    assert family.may_be_family(ws, ao.Status[told["status"]]) is expected
+
+
+def test_a_least_path_is_judged_by_its_directions(monkeypatch):
+    solution = ao.solve(Problem(systems.oscillator(), Event(0.0, [0.0]), Event(4.0, [1.0])))
+    for principle in ("auto", "stationary"):
+        assert through._judge_least(solution, principle) is solution
+    assert through._judge_least(solution, "least").status is ao.Status.NOT_LEAST
+    monkeypatch.setattr(through, "_is_minimum", lambda known: True)
+    assert through._judge_least(solution, "least") is solution
+    monkeypatch.setattr(through, "may_be_family", lambda run, status: status)
+    one = fake(inertia=fake(nullity=3), status=True)
+    run: Any = None
+    assert through._family(run, one) == 3
+    one.status = False
+    assert through._family(run, one) == 0
+
+
+def test_nearest_points_of_a_circle_and_a_line():
+    circle = Event(0.0, [None, None], on=lambda q, t: q @ q - 1)
+    line = Event(1.0, [None, None], on=lambda q, t: q[0] + q[1] - 4)
+    found = nearest_points.near(Problem(FREE, circle, Event(1.0, [3.0, 4.0])))
+    for pair in found:
+        assert np.linalg.norm(pair[0]) == pytest.approx(1.0)
+        assert pair[1] == pytest.approx([3.0, 4.0])
+    np.testing.assert_allclose(found[0][0], [0.6, 0.8], atol=1e-6)
+    found = nearest_points.near(Problem(FREE, Event(0.0, [0.0, 0.0]), line))
+    np.testing.assert_allclose(found[0], [[0.0, 0.0], [2.0, 2.0]], atol=1e-9)
+    T = nearest_points._passage(
+        Problem(FREE, Event(0.0, [0.0, 0.0]), Event(None, [3.0, 4.0]), energy=2.0),
+        np.array([[0.0, 0.0], [3.0, 4.0]]), np.ones(2),
+    )  # fmt: skip
+    assert pytest.approx(2.5) == T
