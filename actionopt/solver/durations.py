@@ -86,7 +86,7 @@ def straight_passage(problem: Problem) -> tuple[Array, Array, Array] | None:
     """
     if problem.system.n > 1 or not (problem.start.pinned and problem.end.pinned):
         return None
-    if not _conserves_energy(problem.system) or problem.start.q == problem.end.q:
+    if not conserves_energy(problem.system) or problem.start.q == problem.end.q:
         return None
     a, b = float(problem.start.q[0]), float(problem.end.q[0])  # type: ignore[arg-type]
 
@@ -124,7 +124,7 @@ def explain_barrier(problem: Problem) -> str:
     it must not be above the energy at rest at an end, nor on the way between of one coordinate.
     """
     laws, ends = problem.laws or (problem.system,), (problem.start, problem.end)
-    if not (problem.free_time and all(map(_conserves_energy, laws))) or problem.closes:
+    if not (problem.free_time and all(map(conserves_energy, laws))) or problem.closes:
         return ""
     if problem.has_moving_surface:  # another energy
         return ""
@@ -132,17 +132,22 @@ def explain_barrier(problem: Problem) -> str:
     places = [np.array(e.q, dtype=float) if len(e.pinned) == n else None for e in ends]
     if problem.through:  # between, it may be another one
         told = [(law, q) for law, q in zip((laws[0], laws[-1]), places, strict=True)]
-        found = [_barrier(problem, law, q[None], energy) for law, q in told if q is not None]
+        found = [barrier(problem, law, q[None], energy) for law, q in told if q is not None]
         alike = all(e.t is None and not (e.on and e.on.depends_on_time) for e in problem.through)
         return next(filter(None, found), "") if alike else ""
     q = np.array([place for place in places if place is not None])
     if n == 1 and len(q) == 2:
         q = q[0] + np.linspace(0.0, 1.0, LINE)[:, None] * (q[1] - q[0])
-    return _barrier(problem, laws[0], q, energy) if len(q) else ""
+    return barrier(problem, laws[0], q, energy) if len(q) else ""
 
 
-def _barrier(problem: Problem, law: System, q: Array, energy: float) -> str:
-    """Return that the energy is below the potential of the law at one of q (K, n), or nothing."""
+def barrier(
+    problem: Problem, law: System, q: Array, energy: float, what: str = "every motion has to pass"
+) -> str:
+    """Return that the energy is below the potential of the law at one of q (K, n), or nothing.
+
+    And `what` that place is.
+    """
     t, packed = np.zeros((len(q), 1)), problem.packed_of(law)
     first, second = law.pointwise("first"), law.pointwise("second")
     with np.errstate(all="ignore"):
@@ -159,12 +164,12 @@ def _barrier(problem: Problem, law: System, q: Array, energy: float) -> str:
         return ""
     place = ", ".join(f"{name} = {x:.6g}" for name, x in zip(law.coordinates, q[k], strict=True))
     return (
-        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {place}, which every "
-        "motion has to pass; give a larger energy"
+        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {place}, which {what}; "
+        "give a larger energy"
     )
 
 
-def _conserves_energy(system: System) -> bool:
+def conserves_energy(system: System) -> bool:
     """Whether motions keep their energy, and nothing but their Lagrangian says where they go."""
     plain = not (system.m or system.r or system.structure.forced)
     return plain and system.structure.smooth and not system.structure.depends_on_time

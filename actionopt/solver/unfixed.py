@@ -591,8 +591,9 @@ class _FreeBoundarySearch:
         for path, lam, how in islice(first.firsts(self.guess), None if self.thorough else 1):
             firsts.append((path, lam, how))
             yield path, lam, how, False
-        if not self.known:
-            yield from ((*each, True) for each in firsts)
+        if self.known or first.barred:
+            return
+        yield from ((*each, True) for each in firsts)
         if self.known:
             return
         # With one coordinate every motion takes the straight line.
