@@ -1,6 +1,8 @@
 """What the tests of several modules need: solutions solved once, and motions not by the package."""
 
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,11 @@ from actionopt.solver.workspace import Workspace
 
 # Scenes each of which takes ten times as long as most.
 LONG = {"string_to_wall", "way_round_ball"}
+
+
+def fake(**known) -> Any:
+    """Return what has these attributes, for a function that asks for no more."""
+    return SimpleNamespace(**known)
 
 
 def _case(x, *marks):

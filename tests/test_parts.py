@@ -1,17 +1,17 @@
 """Single functions against closed forms: what searches, choices and first guesses are made of."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 import systems
+from helpers import fake
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
 from actionopt.analysis import compare, index
-from actionopt.discrete import bordered, crossing, energy_balance
+from actionopt.discrete import bordered, borders, crossing, energy_balance, nodal
 from actionopt.discrete.contact_times import merge_contacts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.path import Path
@@ -53,15 +53,11 @@ from actionopt.solver.taut_strings import Ways
 from actionopt.solver.touching import _part_moments
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.workspace import Workspace
-from actionopt.suite import active_set, dump, nl, sequence, stars
+from actionopt.suite import active_set, stars
 from actionopt.suite.member import Member
 
 FREE = systems.particle("x y")
 ACROSS = Problem(FREE, Event(1.0, [0.5, 0.0]), Event(3.0, [2.0, -1.0]))
-
-
-def fake(**known) -> Any:
-    return SimpleNamespace(**known)
 
 
 # -- what searches may cost, and in which order things are tried -----------------------------------
@@ -892,68 +888,6 @@ def test_paths_are_packed_and_found_again():
 # -- test problems ---------------------------------------------------------------------------------
 
 
-def test_defined_variables_of_an_evaluation_follow_one_another(monkeypatch):
-    monkeypatch.setattr(nl, "_places", lambda listing, here: {"here": here})
-    listing: Any = fake(
-        moving=[0, 2], lagrangian=fake(common=[1, 1, 1]),
-        evaluations=lambda: [fake(columns=np.zeros(3))] * 2,
-    )  # fmt: skip
-    one, other = nl._evaluations(listing, 7)
-    assert one[1:] == (7, {"here": one[0], "v": ["v7", "", "v8"], "s": ["v9", "v10", "v11"]})
-    assert other[1:] == (
-        12,
-        {"here": other[0], "v": ["v12", "", "v13"], "s": ["v14", "v15", "v16"]},
-    )
-
-
-def test_the_facts_of_a_member_are_plain_data(monkeypatch):
-    monkeypatch.setattr(dump, "summary", lambda problem: {"name": "a"})
-    inf, other = np.inf, fake(x=np.array([2.0]), f=3.0, index=1, kind="saddle")
-    member = fake(
-        bounds=(np.array([-inf, 1.0]), np.array([2.0, inf])), lowest=-inf, others=[other],
-        constraint_bounds=(np.array([-inf]), np.array([5.0])), variable_names=["x", "y"],
-        constraint_names=["c"], start_names=["own"], start=lambda name: np.array([7.0]),
-        x_star=np.ones(2), lam_star=np.zeros(1), f_star=4.0, index_star=0, known_by={"f": "b"},
-    )  # fmt: skip
-    found = dump.facts(member)
-    sides = [found[k] for k in ("x_lower", "x_upper", "c_lower", "c_upper")]
-    assert sides == [[None, 1.0], [2.0, None], [None], [5.0]]
-    assert found["other_stationary_points"] == [
-        {"x": [2.0], "f": 3.0, "index": 1, "kind": "saddle"}
-    ]
-    assert (found["f_star"], found["f_lowest_known"], found["starts"]) == (
-        4.0,
-        None,
-        {"own": [7.0]},
-    )
-    member.lowest = -9.0
-    assert dump.facts(member)["f_lowest_known"] == -9.0
-    assert (found["name"], found["variables"], found["lam_star"]) == ("a", ["x", "y"], [0.0])
-
-
-def test_bounds_that_are_met_and_the_steps_of_a_sequence(monkeypatch):
-    def member(x, c):
-        return fake(
-            x_star=np.array(x), lam_star="lam", unit=np.array([1.0, 100.0]), m=2,
-            bounds=(np.array([0.0, -np.inf]), np.array([1.0, 5.0])),
-            constraints=lambda x: np.array(c),
-            constraint_bounds=(np.array([0.0, 2.0]), np.array([0.0, np.inf])),
-        )  # fmt: skip
-
-    near = sequence.AT_BOUND / 2
-    made = {1.0: member([near, 5.0 - 100 * near], [0.0, 2.0 + near]),
-            2.0: member([0.5, 5.0 + near], [0.0, 2.0 + 4 * near]),
-            3.0: member([1.0, 4.0], [0.0, 3.0])}  # fmt: skip
-    assert sequence.in_force(made[1.0]).tolist() == [True] * 4
-    assert sequence.in_force(made[2.0]).tolist() == [False, True, True, False]
-    assert sequence.in_force(made[3.0]).tolist() == [True, False, True, False]
-    monkeypatch.setattr(sequence.suite, "member", lambda name, elements, degree, *, g: made[g])
-    found = list(sequence.steps("a", "g", [1.0, 2.0, 3.0]))
-    assert [(s.value, s.problem) for s in found] == [(g, made[g]) for g in (2.0, 3.0)]
-    assert [s.changes for s in found] == [2, 2]
-    assert found[1].x is made[2.0].x_star
-
-
 def test_ways_are_scored_and_distances_are_in_units():
     unit, flat = np.array([1.0, 10.0]), np.array([[0.0], [1.0]])
     made = fake(n=2, unit=unit, flat=np.zeros((2, 0)), x_star=np.array([1.0, 20.0]))
@@ -1334,3 +1268,52 @@ def test_nearest_points_of_a_circle_and_a_line():
         np.array([[0.0, 0.0], [3.0, 4.0]]), np.ones(2),
     )  # fmt: skip
     assert pytest.approx(2.5) == T
+
+
+# -- what stands at single nodes -------------------------------------------------------------------
+
+
+def test_a_term_of_a_node_has_the_slope_of_its_value():
+    matrix = np.array([[2.0, 1.0], [1.0, 5.0]])
+    term = nodal.Term(3, 1, np.array([1.0, -1.0]), np.array([0.5, 2.0]), matrix)
+    q = np.array([1.5, 1.0])
+    assert term.value(q) == pytest.approx(0.25 + 4.0 + (2 * 0.25 + 2 * 1.0 + 5 * 4) / 2)
+    slopes = [(term.value(q + h) - term.value(q - h)) / 2e-4 for h in 1e-4 * np.eye(2)]
+    assert term.gradient(q) == pytest.approx(slopes)
+    other = nodal.Term(3, 1, term.center, term.linear, matrix, action=(2 * term.linear, 0 * matrix))
+    assert other.value(q) == pytest.approx(8.5)
+    assert other.gradient(q) == pytest.approx(slopes)
+
+
+def test_there_are_terms_at_rests_and_where_the_phase_is_set():
+    mesh = Mesh([-2.0, -0.5, 0.0, 3.0], [2, 3, 2])
+    rest = [fake(side=side, p=np.array([side]), slope=np.eye(1) * 2, q=np.zeros(1), action=None)
+            for side in (-1, 1)]  # fmt: skip
+    phase = fake(t=0.1, normal=(2.0,), center=(7.0,), weight=3.0)
+    problem: Any = fake(rests=rest, start=fake(phase=phase))
+    first, last, set_ = nodal.terms(problem, mesh)
+    assert [(x.node, x.linear.tolist(), x.matrix.tolist()) for x in (first, last, set_)] == [
+        (0, [-1.0], [[2.0]]), (7, [-1.0], [[-2.0]]), (5, [0.0], [[12.0]])
+    ]  # fmt: skip
+    assert (set_.center.tolist(), set_.phase, first.phase) == ([7.0], True, False)
+    problem.rests, problem.start.phase = (None, rest[1]), None
+    (only,) = nodal.terms(problem, mesh)
+    assert only.node == 7
+
+
+def test_runs_of_times_and_their_first_unknowns():
+    def times(*given):
+        legs = np.ones(len(given) - 1) * 2.0
+        made: Any = object.__new__(borders.Times)
+        vars(made).update(given=np.array(given, dtype=float), first=legs)
+        return made
+
+    nan = np.nan
+    assert times(nan, nan, nan).runs == [(slice(0, 2), None)]
+    made = times(nan, 1.0, nan, nan, 7.0, 8.0, nan)
+    assert made.runs == [(slice(0, 1), None), (slice(1, 4), 6.0), (slice(5, 6), None)]
+    since = np.array([0.0, 2.0, 4.0, 8.0, 16.0, 17.0, 18.0])
+    at = fake(mesh=fake(nodes_since=since), tr=fake(joints=np.arange(7)))
+    ratio = np.log([1.0, 1.0, 2.0, 4.0, 0.5, 0.5])
+    expected = [ratio[0], ratio[1] - ratio[3], ratio[2] - ratio[3], ratio[5]]
+    assert made.begin(at) == pytest.approx(expected)
