@@ -113,7 +113,7 @@ class Factors:
             return partial(_solver(layout, "ldl"), self._regular)
         elif isinstance(layout, BorderedLayout):
             with suppress(np.linalg.LinAlgError):
-                return _Edged(layout, self.nonzeros).solve
+                return self._edge_factors.solve
         return None
 
     @property
@@ -130,6 +130,11 @@ class Factors:
     @cached_property
     def _kept_solver(self) -> SparseFactors:
         return SparseFactors(self.layout, self.nonzeros)
+
+    @cached_property
+    def _edge_factors(self) -> _Edged:
+        assert isinstance(self.layout, BorderedLayout)
+        return _Edged(self.layout, self.nonzeros)
 
     @cached_property
     def _condensed_blocks(self) -> Condensed:
@@ -257,7 +262,7 @@ class Factors:
         if self.layout.storage == "blocks":
             return self._condensed_blocks
         if isinstance(self.layout, BorderedLayout):
-            return _Edged(self.layout, self.nonzeros)
+            return self._edge_factors
         return self._kept_solver
 
     def _refine(

@@ -354,7 +354,9 @@ class UnfixedPath(Iterate):
         bordered = self.bordered
         if self.tr.order > 1 and self.problem.touches:
             return _index_in_contact(bordered.discrete(self.z))
-        factors = factorize(bordered, self.z, nonzeros=bordered.hessian(self.z))
+        factors = self.factors
+        if factors is None or bordered.phases:  # with phases that matrix is not symmetric
+            factors = factorize(bordered, self.z, nonzeros=bordered.hessian(self.z))
         return factors.negative() - bordered.layout.rows - bordered.multipliers
 
     @property

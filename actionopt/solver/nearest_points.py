@@ -52,7 +52,7 @@ def paths_to_points(
         tr = Transcription(fixed, first.mesh, fixed.lengths)
         tr.watch = watch
         found = approach(tr, tr.pack(first.values.T), PATIENT)
-        yield first if found is None else DiscretePath(tr, found[0]).polish().path
+        yield first if found is None else DiscretePath(tr, found[0]).path
 
 
 def paths_between_given_times(problem: Problem, watch: Watch | None) -> Iterator[Path]:

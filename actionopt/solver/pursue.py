@@ -218,7 +218,12 @@ def _oscillations(problem: Problem) -> list[Path]:
 
 
 def _index(solution: Solution) -> int:
-    """Return the index of a path between surfaces; 0 where there is none to count."""
+    """Return the index of a path between surfaces; 0 where there is none to count.
+
+    Its own matrix counts those that vanish but for round-off besides.
+    """
+    if not solution.stats.get("index", 1):
+        return 0
     from actionopt.analysis.index import inertia_through
 
     with suppress(ValueError, np.linalg.LinAlgError):

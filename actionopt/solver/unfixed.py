@@ -653,6 +653,8 @@ class _FreeBoundarySearch:
         here = run.here
         here.tr.watch = here.bordered.first.watch = None  # a verdict is not left half done
         solution = solution_of(run, status, run.found_by, started)
+        if run.problem.on_surface and status.success:
+            solution.stats["index"] = here.index
         if not merged and (run.along or may_be_family(run, status)):
             solution = family.judge_family(run, solution)
         return solution
