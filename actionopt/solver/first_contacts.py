@@ -42,11 +42,9 @@ WHOLE = 0.01  # how near a whole number the order is of a row that grows as a po
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
 
 
-def sideways(problem: Problem) -> Array:
-    """Return a direction (n,) across the straight line, coordinates in units of `measures`."""
-    mesh = Mesh.uniform(problem.start.t, problem.end.t, 2, 1)
-    Q = Transcription(problem, mesh, problem.lengths).straight()
-    return _across((Q[-1] - Q[0]) / 2.0 ** measures(problem.lengths))
+def sideways(free: DiscretePath) -> Array:
+    """Return a direction (n,) across a path's way, coordinates in units of `measures`."""
+    return _across((free.Q[-1] - free.Q[0]) / 2.0 ** measures(free.problem.lengths))
 
 
 def _across(along: Array) -> Array:
@@ -257,15 +255,15 @@ def sample_times(found: DiscretePath) -> Array:
     edge[:, [0, -1]] |= ~on[:, [0, -1]]
     row, at = np.nonzero(edge)
     i, begin, end = np.append(i, row), np.append(t[k], t[at]), np.append(t[k + 2], t[at + 1])
-    times = [t]
-    for _ in range(CLOSEST_ROUNDS):
+    times, each = [t], np.arange(i.size)
+    for k in range(CLOSEST_ROUNDS):
         near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSEST_POINTS)
-        each, at = np.arange(i.size), near.ravel()
-        f = rows_along(found, at)
+        f = rows_along(found, near.ravel())
         f = f.reshape(len(f), *near.shape)[i, each]
         least = np.clip(np.argmin(f, axis=1), 1, CLOSEST_POINTS - 2)
         begin, end = near[each, least - 1], near[each, least + 1]
-        times.append(at)
+        # Later ones tell the least alone.
+        times += [begin, near[each, least], end] if k else [near.ravel()]
     return np.unique(np.concatenate(times))
 
 

@@ -187,7 +187,7 @@ def _draw_strings(
         ws.take_up(free)
 
         def side(t: float, sign: float = sign) -> Array:
-            away = sign * sideways(problem) if guess is None else (guess(t) - free.path(t)) / sizes
+            away = sign * sideways(free) if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
         string = taut_string_round(free, looked_at, side)
@@ -232,7 +232,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
         status = refine_contact(ws, tol, ())
         least = status.success and not ws.contact_problem.arcs and not ws.here.index
         return (ws, status, True) if least else None
-    other = out.within(out.other_sides(sideways(problem)))
+    other = out.within(out.other_sides(sideways(free)))
     if other is not None:
         far = _action_of(problem, other)
     for side in (out.normal, -out.normal) if n == 2 else (out.normal,):

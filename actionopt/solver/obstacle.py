@@ -62,7 +62,9 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # kept in this range. Where such parts come and go a path may be inside of the obstacle by the end
 # of the range, in its size.
 VANISHING = 1e-10, 1e-5
-SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that need not be taken
+# Of the duration, and of the tolerance: a step of the times of contact that need not be taken. The
+# next one is this one times the square of its ratio to the last.
+SETTLED_TIME, SETTLED_SHARE = 1e-13, 1e-3
 # Steps of the times of contact are round-off if two, shorter than this part of the duration, do not
 # contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
 # 72 walls of 1:100.
@@ -321,7 +323,8 @@ class Along(Workspace[Iterate]):
             part = self._within(times, step)
             self._shift(times, part * step)
             self.here = self.here.moved(here.z + part * move)
-            if size * min(size / last if last < np.inf else 1.0, 1.0) < SETTLED_TIME:
+            ratio = min(size / last if last < np.inf else 1.0, 1.0)
+            if size * ratio**2 < max(SETTLED_TIME, SETTLED_SHARE * self.tol):
                 return True
             last = size
         return False
@@ -441,12 +444,17 @@ def contact_conditions(at: DiscretePath, sizes: Array) -> tuple[Array, ...]:
     what those in contact push with, and the unit of that, (r, 1).
     """
     held, t = contacts_of(at.problem), sample_times(at)
-    m, q, f = held.free.system.m, at.path(t), rows_along(at, t)
-    on, push = held.active(t)[m:], np.zeros(f.shape)
-    G = held.system.constraint_jacobian(q, t, parameters=held.parameters)[m:]
-    if on.any():
-        push = held.contact_force(q, at.path.velocity(t), t, parameters=held.parameters)
-    depth = np.where(on, 0.0, -f) / np.einsum("rnk,n->rk", np.abs(G), sizes)
+    m, f = held.free.system.m, rows_along(at, t)
+    on = held.active(t)[m:]
+    push, depth, known = np.zeros(f.shape), np.zeros(f.shape), {"parameters": held.parameters}
+    touched, inside = on.any(axis=0), ((f < 0) & ~on).any(axis=0)
+    if touched.any():
+        s = t[touched]
+        push[:, touched] = held.contact_force(at.path(s), at.path.velocity(s), s, **known)
+    if inside.any():
+        G = held.system.constraint_jacobian(at.path(t[inside]), t[inside], **known)[m:]
+        off = np.where(on, 0.0, -f)[:, inside]
+        depth[:, inside] = off / np.einsum("rnk,n->rk", np.abs(G), sizes)
     unit = at.tr.action_unit / (held.duration * at.tr.row_units[m:, None])
     return t, on, depth, push, unit
 
