@@ -207,10 +207,14 @@ class Factors:
 
     def solve_both(self, one: Array, other: Array) -> tuple[Array, Array]:
         """Return the solutions for two right-hand sides, which may be factorized for once."""
-        if self.pairs and self._pays:
-            one, other = _solver(self.layout, "ldl", 2)(self._regular, np.stack([one, other]))
-            return one, other
-        if self.pairs and self._even is None:
+        if self._pays and self._even is None:
+            x, y = _solver(self.layout, "ldl", 2)(self._regular, np.stack([one, other]))
+            if not self._accurate:
+                miss = np.abs(one - product(self.layout, self.nonzeros, x)).max()
+                self._accurate = bool(miss <= ACCURATE * np.abs(one).max())
+            if self._accurate:
+                return x, y
+        elif self.pairs and self._even is None:
             one, other = np.linalg.solve(self._full, np.stack([one, other], axis=1)).T
             return one, other
         return self.solve(one), self.solve(other)
