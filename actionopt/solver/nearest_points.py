@@ -18,7 +18,7 @@ from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal
 from actionopt.solver.between import solve_on_the_way
-from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR
+from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR, fewest_elements
 from actionopt.solver.first_paths import (
     FirstPaths,
     duration_along,
@@ -26,8 +26,9 @@ from actionopt.solver.first_paths import (
     line,
     straight,
 )
+from actionopt.solver.search import FIRST_FEW
 from actionopt.solver.single_shooting import arrivals, meeting_speed
-from actionopt.solver.workspace import PATIENT
+from actionopt.solver.workspace import FEW_COORDINATES, PATIENT
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
@@ -173,7 +174,9 @@ def _lines(problem: Problem, pairs: list[Array]) -> list[tuple[float, Array, Pat
 def _straight(problem: Problem) -> DiscretePath:
     """Return the straight line, in the time of a motion of the energy where that is free."""
     fixed = over(problem, duration_along(problem, straight(problem)))
-    mesh = Mesh.uniform(fixed.start.t, fixed.end.t, LINEAR, COARSE_DEGREE)
+    few = problem.system.n <= FEW_COORDINATES or problem.system.m > 0
+    elements = LINEAR if few else max(FIRST_FEW, fewest_elements(fixed))
+    mesh = Mesh.uniform(fixed.start.t, fixed.end.t, elements, COARSE_DEGREE)
     return DiscretePath.of(fixed, Path(mesh, line(problem, mesh)))
 
 
