@@ -10,10 +10,11 @@ from helpers import fake
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
-from actionopt.analysis import compare, index
+from actionopt.analysis import compare, index, shooting
 from actionopt.discrete import bordered, borders, crossing, energy_balance, nodal
 from actionopt.discrete.contact_times import merge_contacts
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import full
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.families import budget, searches, trace
@@ -53,8 +54,6 @@ from actionopt.solver.taut_strings import Ways
 from actionopt.solver.touching import _part_moments
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.workspace import Workspace
-from actionopt.suite import active_set, stars
-from actionopt.suite.member import Member
 
 FREE = systems.particle("x y")
 ACROSS = Problem(FREE, Event(1.0, [0.5, 0.0]), Event(3.0, [2.0, -1.0]))
@@ -885,53 +884,6 @@ def test_paths_are_packed_and_found_again():
     assert packed.path(5) is None
 
 
-# -- test problems ---------------------------------------------------------------------------------
-
-
-def test_ways_are_scored_and_distances_are_in_units():
-    unit, flat = np.array([1.0, 10.0]), np.array([[0.0], [1.0]])
-    made = fake(n=2, unit=unit, flat=np.zeros((2, 0)), x_star=np.array([1.0, 20.0]))
-    distance = Member.distance
-    assert distance(made, np.array([1.5, 10.0])) == pytest.approx(1.0)
-    assert distance(made, np.array([1.5, 10.0]), np.array([1.0, 10.0])) == pytest.approx(0.5)
-    made.flat = flat
-    assert distance(made, np.array([1.5, 10.0])) == pytest.approx(0.5)
-    with pytest.raises(ValueError, match="expected 2 numbers as x, found the shape"):
-        distance(made, np.zeros(3))
-
-
-def test_a_bent_line_is_half_a_wave_beside_the_straight_one():
-    tr: Any = fake(problem=fake(start=fake(t=1.0), duration=2.0),
-                   straight=lambda: np.array([[0.0, 5.0], [1.0, 5.0], [4.0, 7.0]]))  # fmt: skip
-    found = stars.bent_line(tr, (0.5, -1.0))(np.array([1.0, 1.5, 2.0, 3.0]))
-    half = np.sqrt(0.5)
-    np.testing.assert_allclose(
-        found, [[0.0, 1 + half / 2, 2.5, 4.0], [5.0, 5.5 - half, 5.0, 7.0]], atol=1e-12
-    )
-
-
-def test_other_optima_are_those_that_differ(monkeypatch):
-    def star(*z):
-        return fake(z=np.array(z))
-
-    def solve(problem, tol, guess):
-        if guess == "lost":
-            raise ValueError("none")
-        return guess
-
-    monkeypatch.setattr(active_set, "solve", solve)
-    monkeypatch.setattr(active_set, "bent_line", lambda tr, bend: bend)
-    monkeypatch.setattr(active_set, "from_path", lambda tr, path: path)
-    monkeypatch.setattr(active_set, "nearest", lambda tr, point, reach: point)
-    tr, known, one = fake(layout=fake(unknowns=2)), star(0.0, 1.0, 5.0), star(0.0, 2.0, 5.0)
-    again, other = star(0.0, 1.0, 9.0), star(3.0, 2.0, 5.0)
-    bends: Any = ("lost", one, other)
-    scene: Any = fake(problem=None)
-    points: Any = [None, again, one]
-    found = active_set.others(tr, scene, bends, points, known)
-    assert [s is t for s, t in zip(found, (one, other), strict=True)] == [True, True]
-
-
 # -- times and places that an energy gives ---------------------------------------------------------
 
 RAMP = System(lambda q, v, t: 1.5 * v[0] ** 2 - 6 * q[0], ["x"])  # a mass of 3, pulled by 6
@@ -1317,3 +1269,107 @@ def test_runs_of_times_and_their_first_unknowns():
     ratio = np.log([1.0, 1.0, 2.0, 4.0, 0.5, 0.5])
     expected = [ratio[0], ratio[1] - ratio[3], ratio[2] - ratio[3], ratio[5]]
     assert made.begin(at) == pytest.approx(expected)
+
+
+# -- velocities to begin with, and the energy along a motion ---------------------------------------
+
+
+def test_speeds_are_those_of_the_way_and_of_the_force():
+    pulled = System(lambda q, v, t: v @ v / 2 + 6 * q[1], ["x", "y"])
+    problem = Problem(pulled, Event(1.0, [0.0, 0.0]), Event(3.0, [4.0, 1.0]))
+    found, units = shooting.speeds(problem, np.array([4.0, 1.0]))
+    assert units == pytest.approx(np.maximum(problem.lengths, [4.0, 1.0]))
+    force = np.median([0.0, 6 / units[1]])
+    scales = np.array([np.max([4.0, 1.0] / units) / 2, np.sqrt(force), force, 0.5])
+    assert found == pytest.approx(scales)
+    found, _ = shooting.speeds(ACROSS, np.array([1.5, -1.0]))
+    assert len(found) == 2  # no force gives none
+
+
+def test_first_velocities_of_one_coordinate_are_on_either_side():
+    problem = Problem(systems.particle("x"), Event(0.0, [0.0]), Event(2.0, [1.0]))
+    scales, units = shooting.speeds(problem, np.ones(1))
+    (found,) = shooting.velocities(problem, np.ones(1), 40, np.random.default_rng(0)) / units
+    assert found.size == 40
+    assert (np.diff(found) >= 0).all()
+    np.testing.assert_allclose(found, -found[::-1], atol=1e-12)
+    assert found[-1] == pytest.approx(2.5 * scales.max())
+    assert np.abs(found).min() <= scales.min() / 4
+
+
+def test_aims_are_changed_along_a_basis_until_gaps_vanish():
+    goals = np.array([2.0, 3.0, np.nan])
+
+    def gap(x, which):
+        return np.stack([x[0] ** 2 - goals[which] ** 2, x[1] - 2 * x[0]])
+
+    x = np.array([[1.0, 9.0, 1.0], [1.0, -5.0, 0.0]])
+    found, which = shooting._newton(x, np.eye(2), gap)
+    assert which.tolist() == [0, 1]
+    np.testing.assert_allclose(found, [[2.0, 3.0], [4.0, 6.0]], rtol=1e-3)
+    found, which = shooting._newton(x[:, :2], np.array([[1.0], [2.0]]) / np.sqrt(5), gap)
+    assert which.size < 2  # what is off across the basis stays
+
+
+def energy_drift_of(system, curve, rate):
+    problem = Problem(system, Event(1.0, curve(1.0)), Event(2.5, curve(2.5)))
+    mesh = Mesh.uniform(1.0, 2.5, 3, 8)
+    t = mesh.nodes
+    q, v = (np.array([f(x) for x in t]).T for f in (curve, rate))
+    known = Path(mesh, q)
+    smooth = np.ones(t.size, dtype=bool)
+    return compare._energy_drift(problem, known, q, v, smooth, np.ones(len(q)))
+
+
+def test_the_energy_changes_by_the_work():
+    # x'' = 6 t under the force 6 t: by an L that depends on time, and by a force of its own
+    driven = System(lambda q, v, t: v[0] ** 2 / 2 + 6 * t * q[0], ["x"])
+    pushed = System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [6 * t])
+    for system in (driven, pushed):
+        assert energy_drift_of(system, lambda t: [t**3], lambda t: [3 * t**2]) < 1e-12
+        off = energy_drift_of(system, lambda t: [t**3], lambda t: [3 * t**2 + 0.1 * (t - 1)])
+        assert off > 1e-3
+    free = systems.particle("x")
+    drift = energy_drift_of(free, lambda t: [t], lambda t: [1.0 if t < 2 else 2.0])
+    assert drift == pytest.approx(1.5 / 4.0)
+    rest = energy_drift_of(System(lambda q, v, t: v[0] ** 2 / 2 - t, ["x"]), lambda t: [0.0],
+                           lambda t: [0.0])  # fmt: skip
+    assert rest < 1e-12
+
+
+def test_motions_that_have_to_stop_are_not_integrated():
+    asked = []
+    flow = fake(
+        several=lambda pairs, *_: asked.extend(pairs) or [("motion", s.t) for s, _ in pairs]
+    )
+    made = fake(stops=[(2.0, 3.0)], flow=flow, units=None, tolerance=None, _longest=None)
+    states = [fake(t=t) for t in (0.0, 2.5, 0.0, 4.0, 2.0)]
+    found = compare._Parts.several(made, states, [1.0, 9.0, 9.0, 5.0, 3.0])
+    assert found == [("motion", 0.0), ("motion", 2.5), None, ("motion", 4.0), ("motion", 2.0)]
+    assert [end for _, end in asked] == [1.0, 9.0, 5.0, 3.0]
+
+
+def test_the_matrix_of_a_beam_on_a_surface_is_the_derivative_of_its_equations():
+    beam = System(
+        lambda q, v, a, t: a @ a / 2 + q[0] * v[1] ** 2 + np.sin(q[1]) * a[0] * v[0],
+        ["x", "y"], constraint=lambda q, t: q[0] ** 2 * q[1] + q[1] ** 2 + t,
+        force=lambda q, v, t: [v[1] * q[0], q[1] ** 2],
+    )  # fmt: skip
+    ends = [Event(t, [0.5 * t, None], v=[None, 1.0]) for t in (0.0, 1.0)]
+    problem = Problem(beam, *ends)
+    tr = Transcription(problem, Mesh([0.0, 0.4, 1.0], [5, 6]), np.array([0.7, 2.0]))
+    rng = np.random.default_rng(0)
+    z, way = 0.4 * rng.standard_normal((2, tr.layout.size))
+    residuals = [tr.residual(z + s * way) for s in (1e-5, -1e-5)]
+    slope = (residuals[0] - residuals[1]) / 2e-5
+    found = full(tr.layout, tr.kkt(z)) @ way
+    np.testing.assert_allclose(found, slope, atol=1e-6 * np.abs(slope).max())
+
+
+def test_nodal_terms_are_a_part_of_the_action():
+    made = fake(state_of=lambda Q: (Q, 2 * Q), _sum=lambda at, v: at + v, _beyond=lambda Q: 0.5)
+    value: Any = Transcription.value
+    made.nodal = ()
+    assert value(made, 1.0) == 3.0
+    made.nodal = ("term",)
+    assert value(made, 1.0) == 3.5

@@ -8,6 +8,7 @@ import pytest
 from helpers import fake
 
 from actionopt.suite import (
+    active_set,
     dump,
     learn,
     nl,
@@ -15,10 +16,12 @@ from actionopt.suite import (
     profile,
     saddle_search,
     sequence,
+    stars,
     ways,
 )
 from actionopt.suite import verdict as suite_verdict
 from actionopt.suite.limits import Bounds
+from actionopt.suite.member import Member
 
 
 def test_defined_variables_of_an_evaluation_follow_one_another(monkeypatch):
@@ -81,6 +84,50 @@ def test_bounds_that_are_met_and_the_steps_of_a_sequence(monkeypatch):
     assert [(s.value, s.problem) for s in found] == [(g, made[g]) for g in (2.0, 3.0)]
     assert [s.changes for s in found] == [2, 2]
     assert found[1].x is made[2.0].x_star
+
+
+def test_ways_are_scored_and_distances_are_in_units():
+    unit, flat = np.array([1.0, 10.0]), np.array([[0.0], [1.0]])
+    made = fake(n=2, unit=unit, flat=np.zeros((2, 0)), x_star=np.array([1.0, 20.0]))
+    distance = Member.distance
+    assert distance(made, np.array([1.5, 10.0])) == pytest.approx(1.0)
+    assert distance(made, np.array([1.5, 10.0]), np.array([1.0, 10.0])) == pytest.approx(0.5)
+    made.flat = flat
+    assert distance(made, np.array([1.5, 10.0])) == pytest.approx(0.5)
+    with pytest.raises(ValueError, match="expected 2 numbers as x, found the shape"):
+        distance(made, np.zeros(3))
+
+
+def test_a_bent_line_is_half_a_wave_beside_the_straight_one():
+    tr: Any = fake(problem=fake(start=fake(t=1.0), duration=2.0),
+                   straight=lambda: np.array([[0.0, 5.0], [1.0, 5.0], [4.0, 7.0]]))  # fmt: skip
+    found = stars.bent_line(tr, (0.5, -1.0))(np.array([1.0, 1.5, 2.0, 3.0]))
+    half = np.sqrt(0.5)
+    np.testing.assert_allclose(
+        found, [[0.0, 1 + half / 2, 2.5, 4.0], [5.0, 5.5 - half, 5.0, 7.0]], atol=1e-12
+    )
+
+
+def test_other_optima_are_those_that_differ(monkeypatch):
+    def star(*z):
+        return fake(z=np.array(z))
+
+    def solve(problem, tol, guess):
+        if guess == "lost":
+            raise ValueError("none")
+        return guess
+
+    monkeypatch.setattr(active_set, "solve", solve)
+    monkeypatch.setattr(active_set, "bent_line", lambda tr, bend: bend)
+    monkeypatch.setattr(active_set, "from_path", lambda tr, path: path)
+    monkeypatch.setattr(active_set, "nearest", lambda tr, point, reach: point)
+    tr, known, one = fake(layout=fake(unknowns=2)), star(0.0, 1.0, 5.0), star(0.0, 2.0, 5.0)
+    again, other = star(0.0, 1.0, 9.0), star(3.0, 2.0, 5.0)
+    bends: Any = ("lost", one, other)
+    scene: Any = fake(problem=None)
+    points: Any = [None, again, one]
+    found = active_set.others(tr, scene, bends, points, known)
+    assert [s is t for s, t in zip(found, (one, other), strict=True)] == [True, True]
 
 
 def test_verdicts_on_records():
