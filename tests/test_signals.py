@@ -9,6 +9,7 @@ import pytest
 import systems
 
 import actionopt as ao
+from actionopt import scenes
 from actionopt.analysis import index
 from actionopt.discrete.factors import Factors
 from actionopt.solver import strategies
@@ -179,6 +180,14 @@ def test_nothing_is_sought_once_the_time_is_up(monkeypatch, name, last):
     late, found = late_factorizations(monkeypatch, QUESTIONS[name], last)
     assert late <= 10
     assert found.success or found.status is ao.Status.OUT_OF_TIME
+
+
+@pytest.mark.long
+def test_factors_that_take_longer_than_what_is_left_are_not_begun(monkeypatch):
+    scene = scenes.get("chain", links=40, l=1.0 / 40, amplitude=0.1)
+    monkeypatch.setattr("actionopt.discrete.factors.STEP_SECONDS", 1.0)
+    found = ao.solve(scene.problem, guess=scene.guess, seconds=60.0, throw=False)
+    assert found.status is ao.Status.OUT_OF_TIME
 
 
 @pytest.mark.long

@@ -36,7 +36,7 @@ from actionopt.mechanics.scales import diagonal, ends_of
 from actionopt.tools.blas import by_each
 from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import Array, NDInt
-from actionopt.tools.watch import check_time
+from actionopt.tools.watch import Watch, check_time
 
 # Rates are measured by this over the duration: about the elements of a mesh. Ad hoc.
 RATE = 8.0
@@ -113,7 +113,7 @@ class Action:
             nodal += tuple(node for node, event in at if event.on is not None)
         self.layout = layout_for(problem, mesh, nodal)
         self.counts: Counter[str] = Counter()
-        self.watch: Callable[[int], None] | None = None  # called with each second derivative
+        self.watch: Watch | None = None  # called with each second derivative
         layout, n = self.layout, problem.system.n
         self.sides = sides(mesh, problem.instants) if problem.instants else None
         self.times = np.concatenate(

@@ -9,6 +9,7 @@ import numpy as np
 
 from actionopt.discrete import assemble_blocks, assemble_sparse, second_quadrature
 from actionopt.discrete.action import Action
+from actionopt.discrete.factors import expected_seconds
 from actionopt.mechanics.scales import diagonal
 from actionopt.tools.median import median
 from actionopt.tools.types import Array
@@ -27,8 +28,14 @@ class Transcription(Action):
         return assemble_sparse.hessian(self, z)
 
     def kkt(self, z: Array) -> Array:
-        """Return the nonzeros of the derivative of `residual`, stored as the layout says."""
-        return self._assembly.kkt(self, z)
+        """Return the nonzeros of the derivative of `residual`, stored as the layout says.
+
+        Raises OutOfTime if a step by its factors will take longer than what is left.
+        """
+        nonzeros = self._assembly.kkt(self, z)
+        if self.watch is not None:
+            self.watch.check(expected_seconds(self.layout))
+        return nonzeros
 
     def kinetic(self, z: Array) -> Array:
         """Return the kinetic part of the KKT matrix, D' w M D alone, stored as `kkt` is.

@@ -188,10 +188,17 @@ class Watch:
             except BaseException as error:
                 self._raised = error
                 raise
-        if self.end is not None and perf_counter() > self.end:
-            raise OutOfTime
+        self.check()
         if self.evaluated > self.most:
             raise Spent
+
+    def check(self, ahead: float = 0.0) -> None:
+        """Raise OutOfTime if the time is over.
+
+        Or if it will be `ahead`, seconds that what is begun now takes and that nothing ends.
+        """
+        if self.end is not None and perf_counter() + ahead > self.end:
+            raise OutOfTime
 
     def affords(self, elements: int) -> bool:
         """Whether there is time for derivatives on so many elements, at the pace so far."""
