@@ -2,6 +2,7 @@
 
 import multiprocessing
 import signal
+from itertools import islice
 from time import sleep
 
 import numpy as np
@@ -12,7 +13,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis import index
 from actionopt.discrete.factors import Factors
-from actionopt.solver import strategies
+from actionopt.solver import strategies, through
 from actionopt.solver.search import EXPENSIVE, Strategy
 from actionopt.solver.signals import status_of
 from actionopt.solver.solve import BY_METHOD, solve_near
@@ -180,6 +181,25 @@ def test_nothing_is_sought_once_the_time_is_up(monkeypatch, name, last):
     late, found = late_factorizations(monkeypatch, QUESTIONS[name], last)
     assert late <= 10
     assert found.success or found.status is ao.Status.OUT_OF_TIME
+
+
+@pytest.mark.long
+def test_first_paths_through_events_are_sought_in_the_time_that_is_left(monkeypatch):
+    first = through.starts
+
+    def endless(*arguments):
+        yield from islice(first(*arguments), 1)
+        for _ in range(3000):
+            sleep(1e-3)
+            check_time()
+        raise AssertionError
+
+    monkeypatch.setattr(through, "starts", endless)
+    monkeypatch.setattr(through, "_is_minimum", lambda solution: False)
+    bounce = ao.Bounce(lambda q, t: 1 - q[0])
+    asked = ao.Problem(systems.particle("x y"), ao.Event(0, [0, 0]), ao.Event(1, [0, 1]))
+    found = ao.solve(asked.replace(through=[bounce]), seconds=1.0)
+    assert np.isclose(found.action, 5 / 2)
 
 
 @pytest.mark.long

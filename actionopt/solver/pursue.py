@@ -44,7 +44,8 @@ def first_acceptable(problem: Problem, guess: Guess | None, choices: Choices) ->
             several = problem.on_surface and not problem.is_joined  # of those one comes
             several &= guess is None and choices.principle != "stationary"
             rank = _index(found[0]) if several else 0
-        if best is None or rank < least:
+        ended = least == np.inf and found[0].status is Status.OUT_OF_TIME  # not sought to the end
+        if best is None or rank < least or ended:
             best, least = found, rank
         if rank == 0:
             break

@@ -10,6 +10,7 @@ reflected from.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import islice
 from time import perf_counter
@@ -182,15 +183,25 @@ def attempts(
     seen: list[tuple[Array, Array]] = []
     answers: list[Array] = []  # the places of their events
     known, once = False, count is not None or problem.integral is not None
+    late = False
 
     def tries() -> Iterator[tuple[Path, Array, bool]]:
+        nonlocal late
         left = FAMILY_TRIES if problem.advance is not None else 0
-        for first in starts(problem, guess, count, seed, answers):
+        firsts = starts(problem, guess, count, seed, answers)
+        first = next(firsts, None)
+        while first is not None:
             yield *first, False
             if left and not known:
                 left -= 1
                 yield *first, True
+            try:
+                with nullcontext() if watch is None else watch.limit():
+                    first = next(firsts, None)
+            except OutOfTime:
+                late, first = True, None
 
+    solution = None
     for path, times, of_family in tries():
         started = perf_counter()
         run = Unfixed(problem, tol=tol, watch=watch, times=times)
@@ -229,6 +240,8 @@ def attempts(
         yield solution, why or run.hint
         if status is Status.OUT_OF_TIME:
             return
+    if late and solution is not None:
+        yield replace(solution, status=Status.OUT_OF_TIME, error=np.inf), ""
 
 
 def _repeats(run: Unfixed, seen: list[tuple[Array, Array]]) -> bool:

@@ -8,7 +8,7 @@ given times (`refine`).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from time import perf_counter
@@ -61,7 +61,7 @@ from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, Workspace, alike
 from actionopt.tools.types import EPS, Array
-from actionopt.tools.watch import OutOfTime, TimeUp, check_time, time_limit
+from actionopt.tools.watch import OutOfTime
 
 STOPS = "an end free in place and time is where a motion of the energy comes to rest"
 # Ad hoc.
@@ -110,13 +110,8 @@ class Unfixed(Workspace[UnfixedPath]):
         """
         if self._moves is None:
             self._moves = ()
-            end = None if self.watch is None else self.watch.end
-            try:
-                with time_limit(None if end is None else max(end - perf_counter(), EPS)):
-                    self._moves = moves_of(self.problem)
-            except TimeUp:
-                check_time()  # of the search that this one is a part of
-                raise OutOfTime from None
+            with nullcontext() if self.watch is None else self.watch.limit():
+                self._moves = moves_of(self.problem)
         return self._moves
 
     # -- what is other than between given events --------------------------------------------------

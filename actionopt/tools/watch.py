@@ -11,6 +11,7 @@ from inspect import signature
 from time import perf_counter
 
 from actionopt.tools.checks import number
+from actionopt.tools.types import EPS
 
 # progress(stage, done, total, detail): what is being done, how many steps of it are done and how
 # many there are (None where nobody knows), and numbers by name, such as {"elements": 8}.
@@ -199,6 +200,16 @@ class Watch:
         """
         if self.end is not None and perf_counter() + ahead > self.end:
             raise OutOfTime
+
+    @contextmanager
+    def limit(self) -> Iterator[None]:
+        """Raise OutOfTime in the body, too, where `check_time` alone looks at the time."""
+        try:
+            with time_limit(None if self.end is None else max(self.end - perf_counter(), EPS)):
+                yield
+        except TimeUp:
+            check_time()  # of a search that this one is a part of
+            raise OutOfTime from None
 
     def affords(self, elements: int) -> bool:
         """Whether there is time for derivatives on so many elements, at the pace so far."""
