@@ -17,11 +17,12 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.families import budget, searches, trace
+from actionopt.families import budget, searches, trace, vary
 from actionopt.families.path_store import PackedPaths
 from actionopt.families.retry import retry_of
 from actionopt.mechanics.obstacle import Arc, put_on_obstacle
 from actionopt.solver import (
+    arguments,
     closed,
     closed_contact,
     descent,
@@ -31,9 +32,12 @@ from actionopt.solver import (
     first_paths,
     free_contact,
     ipopt,
+    iterate,
     near_guess,
     nearest_points,
     passing_times,
+    preflight,
+    refine,
     resonances,
     revisions,
     through,
@@ -995,7 +999,8 @@ def test_first_lines_pass_a_disc_on_either_side():
         lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1
     )
     problem = Problem(disc, Event(0.0, [-2.0, 0.0]), Event(2.0, [2.0, 0.0]))
-    assert np.abs(first_contacts.sideways(problem)) @ [1, 0] == pytest.approx(0.0, abs=1e-12)
+    line = fake(problem=problem, Q=np.array([[-2.0, 0.0], [0.5, 3.0], [2.0, 0.0]]))
+    assert first_contacts.sideways(line)[0] == pytest.approx(0.0, abs=1e-12)
     found: Any = first_contacts.lines(problem, Mesh.uniform(0.0, 2.0, 6, 4))
     straight, *bent = found
     assert straight is None
@@ -1373,3 +1378,128 @@ def test_nodal_terms_are_a_part_of_the_action():
     assert value(made, 1.0) == 3.0
     made.nodal = ("term",)
     assert value(made, 1.0) == 3.5
+
+
+# -- sizes, meshes and orders ----------------------------------------------------------------------
+
+
+def test_where_contact_begins_is_extrapolated():
+    t = np.array([1.0, 2.0, 4.0, 9.0])
+    for zero in (1.4, 1.9):
+        expected = 0.98 * zero + 0.02 * 1.5
+        assert first_contacts._where_zero(t, np.abs(t - zero)) == pytest.approx(expected)
+        back = first_contacts._where_zero(-t, np.abs(t - zero))
+        assert back == pytest.approx(-expected)
+    for zero, at in ((0.5, 1.0), (2.5, 2.0)):  # no farther than the neighbours
+        found = first_contacts._where_zero(t, np.array([9.0, 2 - zero, 4 - zero, 9.0]))
+        assert found == pytest.approx(0.98 * at + 0.02 * 1.5)
+    assert first_contacts._where_zero(t, np.ones(4)) == pytest.approx(0.98 * 1.0 + 0.02 * 1.5)
+    assert first_contacts._where_zero(t[:2], t[:2]) == 1.5
+    assert first_contacts._where_zero(t[:1], t[:1]) == 1.0
+
+
+def test_rates_of_waypoints():
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    plain = fake(advance=None)
+    assert arguments._rates(plain, t, t[None] ** 2) == pytest.approx(2 * t[None])
+    assert arguments._rates(plain, t[:2], np.array([[1.0, 4.0]])) == pytest.approx(3.0)
+    closes = fake(advance=np.array([1.0, 5.0]), order=(1, 0))
+    points = np.array([[0.0, 2.0, 7.0, 10.0 + 1.0], [10.0, 4.0, 3.0, 0.0 + 5.0]])
+    rates = arguments._rates(closes, t, points)
+    # Before the start x was what y is before the end, less its advance, and y what x was.
+    assert rates[:, 0] == pytest.approx([(2 - (3 - 5)) / 2, (4 - (7 - 1)) / 2])
+    assert rates[:, -1] == pytest.approx(rates[::-1, 0])
+    assert rates[:, 1] == pytest.approx([3.5, -3.5])
+
+
+def test_strategies_that_cost_too_much_come_last():
+    plain, least, dear = (fake(cost=c, minimises=m) for c, m in ((1, False), (1, True), (9, False)))
+    watch = fake(affords=lambda cost: cost < 5)
+
+    def order(watch=watch, lost=((True, None),), saddle=None, principle="auto"):
+        search: Any = fake(ws=fake(watch=watch), lost=lost, saddle=saddle, principle=principle)
+        names = {id(plain): "plain", id(least): "least", id(dear): "dear"}
+        return [names[id(x)] for x in Search._in_order(search, [dear, least, plain])]
+
+    assert order() == ["plain", "least", "dear"]
+    assert order(watch=None) == ["dear", "plain", "least"]
+    assert order(lost=((False, None),)) == ["least", "plain", "dear"]
+    assert order(saddle=1) == ["plain", "dear"]
+    assert order(saddle=1, principle="least") == ["plain", "least", "dear"]
+
+
+def test_a_singular_mass_is_named():
+    names, turned = ("x", "y", "z"), np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0, 0, 1e-8]])
+    singular = np.diag([2.0, 1e-30, 1.0])
+    preflight._check_mass(names, np.stack([singular, np.diag([2.0, 1e-6, 1.0])]), None)
+    with pytest.raises(ValueError, match="in the direction of x, y:"):
+        preflight._check_mass(names, turned[None], None)
+    flat = np.diag([2.0, 0.0, 1.0])
+    with pytest.raises(ValueError, match="in the direction of y:"):
+        preflight._check_mass(names, np.stack([flat, flat]), None)
+    preflight._check_mass(names, flat[None], np.array([[[0.0, 1.0, 0.0]]]))
+    with pytest.raises(ValueError, match="in the direction of y:"):
+        preflight._check_mass(names, flat[None], np.array([[[1.0, 0.0, 0.0]]]))
+    preflight._check_mass(names, 0 * turned[None], np.eye(3)[None])
+
+
+def test_sizes_are_those_on_the_way():
+    own = np.array([3.0, 5.0])
+    Q = np.array([[0.0, -4.0], [2.0, 1.0]])
+    assert iterate.sizes(Q, own).tolist() == [2.0, 4.0]
+    assert iterate.sizes(0 * Q, own).tolist() == [3.0, 5.0]
+    assert iterate.sizes(Q * [0.0, 1.0], own).tolist() == [4.0, 4.0]
+    tiny = iterate.NEGLIGIBLE / 2
+    assert iterate.sizes(Q * [tiny, 1.0], own).tolist() == [4.0, 4.0]
+    assert iterate.sizes(Q * [tiny, 1.0], tiny * own).tolist() == [2 * tiny, 4.0]
+    problem: Any = fake(scales=own, lengths=own / 2, origin=None)
+    assert [x.tolist() for x in iterate.coordinate_scales(problem, None)] == [[3, 5], [1.5, 2.5]]
+    assert [x.tolist() for x in iterate.coordinate_scales(problem, Q)] == [[2, 4], [2, 4]]
+    problem.origin = np.array([1.0, -1.0])
+    assert [x.tolist() for x in iterate.coordinate_scales(problem, Q)] == [[2, 4], [1, 3]]
+
+
+def test_a_finer_mesh_has_higher_degrees_or_more_elements():
+    most = refine.MAX_DEGREE
+    found = refine._finer(Mesh([1.0, 2.0, 4.0, 5.0], [3, most - 1, most - 2]))
+    assert found.boundaries.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert list(found.degrees) == [5, most, most, most]
+
+
+def test_a_motion_is_drawn_as_far_as_it_goes(monkeypatch):
+    tried = []
+
+    def follow(flow, start, end, *, tol, mesh, kinks):
+        tried.append((end, mesh.boundaries.tolist(), list(mesh.degrees)))
+        if end > 4.5:
+            raise ao.IntegrationError("lost", end)
+        return fake(path=end)
+
+    monkeypatch.setattr(compare, "follow", follow)
+    monkeypatch.setattr(compare, "NEARLY", (0.9, 0.5, 0.25))
+    mesh, flow, start = Mesh([1.0, 2.0, 3.0, 9.0], [3, 4, 5]), fake(), fake(t=1.0)
+    assert compare._as_far(flow, start, mesh, 9.0) == 3.0
+    assert tried[-1] == (3.0, [1.0, 2.0, 3.0], [3, 4])
+    assert [end for end, *_ in tried] == pytest.approx([8.2, 5.0, 3.0])
+    assert tried[1][1:] == ([1.0, 2.0, 3.0, 5.0], [3, 4, 5])
+    monkeypatch.setattr(compare, "NEARLY", (0.9,))
+    assert compare._as_far(flow, start, mesh, 9.0) is None
+
+
+def test_what_varies_is_read_from_the_problem():
+    surface = ao.Event(None, None, on=lambda q, t: q[0])
+    system = System(lambda q, v, t: v @ v / 2, ["x", "y"], integral=lambda q, v, t: q[1])
+    problem = Problem(system, Event(1.0, [2.0, 3.0]), Event(9.0, [4.0, 5.0]), integral=7.0,
+                      through=[Event(6.0, [8.0, None]), surface])  # fmt: skip
+    for name, value in (
+        (("start", "x"), 2.0), (("end", "y"), 5.0), (("integral", 0), 7.0),
+        (("through", 0, "x"), 8.0), (("through", 0, "t"), 6.0),
+    ):  # fmt: skip
+        assert vary._of_events(problem, name) == value
+    wrong = [("start",), ("integral", 1), ("through", 2, "x"), ("through", 0), ("start", 0, "x")]
+    for name in [*wrong, ("integral", 0, "x")]:
+        with pytest.raises(ValueError, match=r"expected \('start', coordinate\)"):
+            vary._of_events(problem, name)
+    closed_one = Problem(FREE, Event(0.0, [None, 0.0]), ao.Periodic(2.0))
+    with pytest.raises(ValueError, match="expected an end of its own to vary"):
+        vary._of_events(closed_one, ("end", "y"))
