@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt.solver.durations import explain_rest
 from actionopt.solver.first_paths import straight
 from actionopt.solver.lowest_pass import lowest_pass
 
@@ -38,3 +39,30 @@ def test_an_energy_below_all_passes_is_told():
         ao.SolveError, match=r"the energy 0\.5 is below the potential, 0\.7.* which"
     ):
         ao.solve(wells(0.5))
+
+
+HILLS = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (1 - q[0] ** 2) ** 2 / 2, ["x"])  # rest at 1, -1
+LOOP = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+EVER = ao.Event(-np.inf, [-1.0])
+
+
+@pytest.mark.parametrize(
+    ("problem", "passed"),
+    [
+        (ao.Problem(HILLS, EVER, ao.Event(0.0, [2.0])), "1 on its way to 2"),
+        (ao.Problem(HILLS, EVER, ao.Event(0.0, [0.999])), ""),
+        (ao.Problem(HILLS, EVER, ao.Event(np.inf, [1.0])), ""),
+        (ao.Problem(LOOP, ao.Event(-np.inf, [0.0]), ao.Event(0.0, [1.5])), "1.49633 on its way"),
+        (ao.Problem(LOOP, ao.Event(-np.inf, [0.0]), ao.Event(0.0, [1.4])), ""),
+        (ao.Problem(LOOP, ao.Event(-np.inf, [0.0]), ao.Event(np.inf, [0.0])), ""),
+    ],
+)
+def test_what_a_motion_from_rest_does_not_pass(problem, passed):
+    # on the loop x^2 = x^4 / 2 where it turns, at a square root of 2
+    reason = explain_rest(problem)
+    assert (passed in reason) if passed else not reason
+
+
+def test_an_event_beyond_a_rest_is_told():
+    with pytest.raises(ao.SolveError, match="does not pass x = 1 on its way to 2"):
+        ao.solve(ao.Problem(HILLS, EVER, ao.Event(0.0, [2.0])))

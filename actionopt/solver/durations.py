@@ -30,6 +30,8 @@ QUADRATURE_POINTS, QUADRATURE_CHANGE = 4000, 1e-6
 # Part of an energy within which a point may be a turning point, and two paths one; real part of a
 # rate that is imaginary, of the largest. Derived: half the digits.
 MERGED = 1e-7
+# Part of the potential on a way within which its top is as high as a rest: round-off; ad hoc.
+TOP_ROUNDOFF = 1e-12
 # Part of a duration within which Newton's method takes over from steps towards it.
 NEAR_DURATION = 0.03
 
@@ -142,18 +144,23 @@ def explain_barrier(problem: Problem) -> str:
 
 
 def barrier(
-    problem: Problem, law: System, q: Array, energy: float, what: str = "every motion has to pass"
+    problem: Problem,
+    law: System,
+    q: Array,
+    energy: float,
+    what: str = "every motion has to pass",
+    margin: float = MERGED,
 ) -> str:
     """Return that the energy is below the potential of the law at one of q (K, n), or nothing.
 
-    And `what` that place is.
+    And `what` that place is. Below is what is so by a `margin`, a part of both.
     """
     t, packed = np.zeros((len(q), 1)), problem.packed_of(law)
     first, second = law.pointwise("first"), law.pointwise("second")
     with np.errstate(all="ignore"):
         rest = -first(q, 0 * q, t, packed)[2][:, 0]
         k = int(np.argmax(np.where(np.isfinite(rest), rest, -np.inf)))
-        if not rest[k] - energy > MERGED * max(abs(energy), abs(rest[k])):
+        if not rest[k] - energy > margin * max(abs(energy), abs(rest[k])):
             return ""
         v = np.stack([0 * q[k], *np.random.default_rng(0).normal(size=(2, law.n))])
         at = np.repeat(q[k : k + 1], 3, axis=0), v, np.zeros((3, 1)), packed
@@ -167,6 +174,50 @@ def barrier(
         f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {place}, which {what}; "
         "give a larger energy"
     )
+
+
+def explain_rest(problem: Problem) -> str:
+    """Return why no motion leads from rest, or to it, in infinite time; empty if one may.
+
+    This is for one coordinate, which passes all places on its way: from a rest to the event beside
+    it a motion has the energy of the rest. Where the potential is as high and has no slope it would
+    stay for ever.
+    """
+    law, events = problem.system, problem.joints_found
+    if law.n > 1 or law.order > 1 or problem.laws or problem.closes or not conserves_energy(law):
+        return ""
+    first, name = law.pointwise("first"), law.coordinates[0]
+    for rest, beside in ((events[0], events[1]), (events[-1], events[-2])):
+        if rest.t is None or np.isfinite(rest.t) or not (rest.pinned and beside.pinned):
+            continue
+        a, b = float(rest.q[0]), float(beside.q[0])  # type: ignore[arg-type]
+        if a == b:
+            continue
+
+        def at(q: Array) -> tuple[Array, Array]:
+            """Force and potential at q (K,)."""
+            slope, _, L = first(q[:, None], 0 * q[:, None], 0 * q[:, None], problem.packed)
+            return slope[:, 0].copy(), -L[:, 0]
+
+        q = a + np.linspace(0.0, 1.0, 10 * LINE)[1:-1] * (b - a)
+        force, potential = at(q)
+        turns = np.flatnonzero(np.diff(np.sign(force)))
+        low, high = q[turns], q[turns + 1]
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            same = np.sign(at(middle)[0]) == np.sign(force[turns])
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        energy = float(at(np.array([a]))[1][0])
+        places = np.concatenate([q, low])[:, None]
+        below = energy - TOP_ROUNDOFF * float(np.abs(potential - energy).max(initial=0.0))
+        k = int(np.argmax(at(places[:, 0])[1]))
+        if barrier(problem, law, places[k : k + 1], below, margin=0.0):
+            return (
+                f"a motion that rests at {name} = {a:.6g} in infinite time has the energy "
+                f"{energy:.6g} and does not pass {name} = {places[k, 0]:.6g} on its way to "
+                f"{b:.6g}, where the potential is as high"
+            )
+    return ""
 
 
 def conserves_energy(system: System) -> bool:

@@ -62,16 +62,23 @@ def revise_all(problem: Problem, guess: Guess | None, choices: Choices) -> Found
 # -- events at infinite times --------------------------------------------------------------------
 
 
-def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+def windows(problem: Problem, guess: Guess | None, choices: Choices, reason: str = "") -> Found:
     """Return the path of a problem with events at infinite times, on a window that is long enough.
 
-    A saddle that nothing asked for, or where nothing was found, is left for the path below.
+    A saddle that nothing asked for, or where nothing was found, is left for the path below. Where
+    there is a `reason` why no motion is, only what comes of the first window.
     """
     from actionopt.solver import window
 
     tolerance(choices.tol)
     here = window.first_window(problem.whole, guess, choices.tol, choices.mesh)
     inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
+    if reason:
+        inner = replace(inner, strategies=CHEAP)
+        solution = replace(
+            _on_window(here.problem, here.guess, inner)[0], status=Status.NOT_FOUND, error=np.inf
+        )
+        return solution, message_of(solution, choices.tol, reason=reason)
     if here.guess is None and choices.strategies is GUESS_ONLY:  # the guess was the straight line
         inner = replace(inner, strategies=CHEAP)
     left = np.inf
@@ -126,11 +133,19 @@ def _on_window(problem: Problem, guess: Guess | None, choices: Choices) -> Found
 def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[Found]:
     """Yield what is found from a guess or from the straight line, and from a step at rest."""
     from actionopt.solver import window
+    from actionopt.solver.durations import explain_rest
 
-    found = windows(problem, guess, choices)
+    reason = explain_rest(problem.whole)
+    found = windows(problem, guess, choices, reason)
     yield found
     lost = not found[0].success and found[0].status is not Status.OUT_OF_TIME
-    if guess is None and lost and choices.mesh is None and choices.principle == "auto":
+    if (
+        guess is None
+        and lost
+        and not reason
+        and choices.mesh is None
+        and choices.principle == "auto"
+    ):
         step = window.step(found[0].problem)
         if step is not None:
             yield windows(problem, step, choices)
