@@ -17,7 +17,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.families import budget, searches, trace, vary
+from actionopt.families import all_paths, budget, searches, trace, vary
 from actionopt.families.path_store import PackedPaths
 from actionopt.families.retry import retry_of
 from actionopt.mechanics.obstacle import Arc, put_on_obstacle
@@ -41,6 +41,7 @@ from actionopt.solver import (
     resonances,
     revisions,
     through,
+    touching,
     two_sided_shooting,
     unfixed,
     waves,
@@ -1503,3 +1504,129 @@ def test_what_varies_is_read_from_the_problem():
     closed_one = Problem(FREE, Event(0.0, [None, 0.0]), ao.Periodic(2.0))
     with pytest.raises(ValueError, match="expected an end of its own to vary"):
         vary._of_events(closed_one, ("end", "y"))
+
+
+# -- what presses, and paths that are added to those known -----------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arcs", "impulses", "density", "expected"),
+    [
+        ([(0.0, 2.0)], [1, 0, 2, 0, 0], [5] * 8, [(0.0, 2.0)]),
+        ([(1.0, 1.0), (3.0, 3.0)], [0, 2, 0, -1, 0], [0] * 8, [(1.0, 1.0)]),
+        # In the middle it pulls: what presses is left, as arcs and as moments at the ends.
+        ([(0.0, 4.0)], [0, 0, 0, 0, 0], [5, 5, 5, -5, -5, 5, 5, 5], [(0.2, 1.2), (2.8, 3.8)]),
+        ([(0.0, 4.0)], [3, 0, 0, 0, 2], [-5, 0, 0, 0, 0, 5, 5, -5], [(0.0, 0.0), (4.0, 4.0),
+                                                                     (2.8, 3.2)]),
+        # An impulse that pulls: what is left is a moment in the middle of what presses.
+        ([(1.0, 3.0)], [0, -2, 0, 1, 0], [0, 0, 5, 5, 5, 5, 0, 0], [(7 / 3, 7 / 3)]),
+        ([(1.0, 3.0)], [0, -9, 0, 0, 0], [0, 0, -2, -2, -2, -2, 0, 0], []),
+    ],
+)  # fmt: skip
+def test_what_would_have_to_pull_is_let_go(monkeypatch, arcs, impulses, density, expected):
+    b = np.arange(5.0)
+    times = (b[:-1, None] + [0.2, 0.8]).ravel()[:, None]
+    held = fake(system=fake(m=1), arcs=tuple(Arc(0, *arc) for arc in arcs))
+    monkeypatch.setattr(touching, "contacts_of", lambda problem: held)
+    nodes = np.array([0, 3, 6, 9, 12])
+    multipliers = np.zeros((13, 1))
+    multipliers[nodes, 0] = -np.array(impulses)
+    tr = fake(
+        row_multipliers=lambda z: multipliers, times=times, weight=np.full((8, 1), 0.5),
+        contact_density=lambda found: -np.array(density, dtype=float)[:, None], action_unit=1e-3,
+        layout=fake(offsets=nodes, element_of=np.repeat(np.arange(4), 2)), row_units=np.ones(1),
+    )  # fmt: skip
+    found = touching.pressing_parts(fake(problem=None, tr=tr, mesh=fake(boundaries=b), z=None))
+    assert [(arc.begin, arc.end) for arc in found] == [pytest.approx(arc) for arc in expected]
+
+
+def test_paths_of_infinite_times_are_those_that_stay_as_they_were(monkeypatch):
+    nodes = np.linspace(0.0, 1.0, 5)
+
+    def path(height):
+        def curve(t):
+            return np.stack([height * t, 1.0 + 0 * t])
+
+        found: Any = curve
+        found.mesh, found.path, found.success = fake(nodes=nodes), fake(values=curve(nodes)), True
+        return found
+
+    whole = fake(system=fake(n=1), start=fake(pinned=()), end=fake(t=np.inf, near=(3.0,)))
+    near = [path(x) for x in (1.0, 2.0, 2.0, 3.0, 4.0)]
+    # The second is the first one found; the third moved; the fourth is lost.
+    answers = dict(
+        zip(map(id, near), [path(1.0), path(2.0), path(2.5), path(3.0), path(4.0)], strict=True)
+    )
+    answers[id(near[3])].success = False
+    centre = path(7.0)
+    monkeypatch.setattr(all_paths, "guesses", lambda problem, rest: [("guess", rest)])
+    monkeypatch.setattr(
+        all_paths, "solve_near", lambda whole, guess, tol: answers.get(id(guess), centre)
+    )
+    known = path(1.0)
+    run: Any = fake(found=[(known, (), "known")], problem=None, tol=1e-8, turning=(),
+                    tried={"motions from the centre": 0})  # fmt: skip
+    all_paths._add_without_end(run, whole, [(x, (), "window") for x in near])
+    assert [how for *_, how in run.found] == [
+        "known",
+        "window",
+        "window",
+        "a motion from the centre",
+    ]
+    assert [p(np.ones(1))[0, 0] for p, *_ in run.found] == [1.0, 2.0, 4.0, 7.0]
+    assert run.tried == {"motions from the centre": 1}
+    for other in ({"n": 2}, {"pinned": (0,)}, {"t": 5.0}):
+        given = {"n": 1, "pinned": (), "t": np.inf} | other
+        whole = fake(system=fake(n=given["n"]), start=fake(pinned=given["pinned"]),
+                     end=fake(t=given["t"], near=(3.0,)))  # fmt: skip
+        all_paths._add_without_end(run, whole, [])
+    assert run.tried == {"motions from the centre": 1}
+
+
+def test_places_at_events_are_tried_for_each_of_a_few(monkeypatch):
+    monkeypatch.setattr(
+        searches, "attempts", lambda problem, tol, a, b, count, seed: [((count, seed), "")]
+    )
+    for events, times in ((0, 1), (1, 1), (2, 2), (99, searches.MOST_EVENTS)):
+        run = fake(problem=fake(through=(None,) * events), tol=1e-8, seed=4, classes=["class"],
+                   tell=lambda *_: None)  # fmt: skip
+        (start,) = searches.Answers._through_events(run, 3)
+        assert start.solution == (searches.FOR_EACH_EVENT * 3 * times, 4)
+        assert (start.winding, start.guess, start.how) == ("class", None, "places at events")
+
+
+def test_newtons_method_is_led_away_until_nothing_is_new(monkeypatch):
+    away = iter([1.0, 2.0, None, 3.0, 4.0, 5.0, 6.0, 7.0])
+    monkeypatch.setattr(searches, "deflate", lambda tr, z, seen: next(away))
+    c = fake(tr=None, seen=None)
+    run = fake(classes=[c], tell=lambda *_: None, _curves=lambda starts: [(c, 0.0)] * starts)
+    run._unseen = lambda c, z: None if z == 2.0 else z
+    run._start = lambda c, path, how: path
+    assert list(searches.Answers._deflate(run, 3)) == [1.0, 3.0, 4.0, 5.0, 6.0]
+
+
+def test_the_best_of_paths_along_an_obstacle_is_kept(monkeypatch):
+    statuses = {"a": ao.Status.NOT_FOUND, "b": ao.Status.SOLVED, "c": ao.Status.SOLVED}
+    monkeypatch.setattr(free_contact, "Along", lambda held, **_: fake(name=held, hint=held))
+    monkeypatch.setattr(free_contact, "Held", lambda known: known)
+    monkeypatch.setattr(free_contact, "_at", lambda problem, near: near.name)
+    monkeypatch.setattr(free_contact, "release_contacts", lambda ws, tol, near: statuses[ws.name])
+    monkeypatch.setattr(free_contact, "settle_on", lambda ws, status, mesh, least: status)
+    rank = {"a": 9, "b": 5, "c": 3}
+    monkeypatch.setattr(free_contact, "_rank", lambda found: rank[found.name])
+    monkeypatch.setattr(free_contact, "message_of", lambda best, tol, hint: hint)
+    problem: Any = fake(system=fake(order=1))
+    choices = Choices(1e-8, "auto", STRATEGIES, None, None)
+
+    def best(names, **lost) -> Any:
+        near = [fake(name=x, success=x not in lost) for x in names]
+        monkeypatch.setattr(free_contact, "_between_given", lambda *_: near)
+        monkeypatch.setattr(free_contact, "solution_of", lambda ws, status, how, started: fake(
+            name=ws.name, status=status, success=status.success, morse_index=0))  # fmt: skip
+        return free_contact.free_contact(problem, None, choices)
+
+    assert best("abc")[0].name == "c"
+    assert best("cba") == (best("c")[0], "")
+    assert best("abc", c=True)[0].name == "b"
+    found, message = best("a")
+    assert (found.name, message) == ("a", "a")
