@@ -9,6 +9,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.boundaries import carry_boundaries, sides, with_boundaries
 from actionopt.discrete.mesh import Mesh
+from actionopt.mechanics.compiled import Pointwise
 
 C = 0.3718
 
@@ -170,3 +171,11 @@ def test_the_action_of_a_switch_without_parameters_has_its_derivatives():
     slope = (solution(1 + h).action - solution(1 - h).action) / (2 * h)
     found = solution(1.0).sensitivity()
     assert found.t1 == pytest.approx(slope, rel=1e-6) and found.parameters == {}
+
+
+def test_a_switch_at_time_zero_is_found_to_round_off_of_the_duration(monkeypatch):
+    asked, call = [], Pointwise.__call__
+    monkeypatch.setattr(Pointwise, "__call__", lambda *a: asked.append(0) or call(*a))
+    [(before, after)] = problem(lambda q, v, t: free(v) - abs(t) * q[0], -0.5).instants
+    assert before <= 0 < after < before + 1e-28
+    assert len(asked) < 120  # the smallest number beside zero is a thousand bisections away

@@ -46,8 +46,9 @@ class ClockSwitches:
     Attributes
     ----------
     steps : Pointwise
-        Of (t, p): steps, each constant but for the instants, and the signs of the slopes of what
-        they are the steps of, both (K, S): between two instants close together is an extremum.
+        Of (t, p): steps, each constant but for the instants, (K, S), and the signs of those slopes
+        of what they are the steps of that change: between two instants close together is an
+        extremum.
     rates : Pointwise
         Of (t, p): the derivatives by t, (K, S), and by p, (K, P S), of what they are the steps of.
     """
@@ -105,7 +106,8 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
         return None
     slopes = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.t))
     by_parameters = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.p))
-    steps = [ca.densify(ca.vertcat(*steps)), ca.sign(slopes)]
+    bent = ca.jacobian_sparsity(slopes, s.t).row()
+    steps = [ca.densify(ca.vertcat(*steps)), ca.sign(slopes[bent])]
     return ClockSwitches(
         Pointwise(ca.Function("clock", [s.t, s.p], steps)),
         Pointwise(ca.Function("rates", [s.t, s.p], [slopes, by_parameters])),
@@ -115,12 +117,14 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
 def instants(known: ClockSwitches, start: float, end: float, packed: Array) -> tuple[Instant, ...]:
     """Return the instants from `start` to `end`, in order, found to neighbouring numbers.
 
+    Those next to zero are far closer together than times can differ: an `EPS` of that is enough.
+
     Wherever a step or the sign of a slope changes between two times it is followed by bisection.
     """
-    found = _bisect(known.steps, start, end, packed, slopes=True)
-    if found is None:
-        found = _bisect(known.steps, start, end, packed, slopes=False) or []
     least = max(SHORTEST * (end - start), 4 * EPS * max(abs(start), abs(end)))
+    found = _bisect(known.steps, start, end, packed, least, slopes=True)
+    if found is None:
+        found = _bisect(known.steps, start, end, packed, least, slopes=False) or []
     found = merge(found, least)
     # More of them are something very fast, of which some are missed.
     return tuple(found) if len(found) <= SAMPLES else ()
@@ -137,7 +141,13 @@ def merge(found: list[Instant], least: float = 0.0) -> list[Instant]:
 
 
 def _bisect(
-    switched: Pointwise, start: float, end: float, packed: Array, *, slopes: bool
+    switched: Pointwise,
+    start: float,
+    end: float,
+    packed: Array,
+    least: float,
+    *,
+    slopes: bool,
 ) -> list[Instant] | None:
     """Return the instants, found by bisection of all intervals at once; None where too many differ.
 
@@ -146,21 +156,23 @@ def _bisect(
 
     def pattern(t: Array) -> Array:
         steps, signs = switched(t[:, None], packed)
-        return np.nan_to_num(np.hstack([steps, signs]) if slopes else steps)
+        found = np.hstack([steps, signs]) if slopes else steps.copy()
+        found[np.isnan(found)] = 0.0
+        return found
 
     times = np.linspace(start, end, SAMPLES)
-    there = pattern(times)
-    count = there.shape[1] // 2 if slopes else there.shape[1]
+    there, count = pattern(times), switched(times[:1, None], packed)[0].shape[1]
     a, b, left, right = times[:-1], times[1:], there[:-1], there[1:]
     found: list[Instant] = []
     while True:
         differ = (left != right).any(axis=1)
         a, b, left, right = a[differ], b[differ], left[differ], right[differ]
         middle = a + (b - a) / 2
-        whole = (middle <= a) | (middle >= b)
+        whole = (middle <= a) | (middle >= b) | (b - a < EPS * least)
         steps = whole & (left[:, :count] != right[:, :count]).any(axis=1)
         found += zip(a[steps].tolist(), b[steps].tolist(), strict=True)
-        a, b, left, right, middle = (x[~whole] for x in (a, b, left, right, middle))
+        if whole.any():
+            a, b, left, right, middle = (x[~whole] for x in (a, b, left, right, middle))
         if not a.size:
             return found
         if a.size > INTERVALS:
