@@ -1,5 +1,7 @@
 """Single functions against closed forms: what searches, choices and first guesses are made of."""
 
+import html
+import re
 from typing import Any
 
 import casadi as ca
@@ -20,6 +22,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.families import all_paths, budget, searches, trace, vary
 from actionopt.families.path_store import PackedPaths
 from actionopt.families.retry import retry_of
+from actionopt.mechanics import written as written_laws
 from actionopt.mechanics.obstacle import Arc, put_on_obstacle
 from actionopt.solver import (
     arguments,
@@ -59,6 +62,7 @@ from actionopt.solver.taut_strings import Ways
 from actionopt.solver.touching import _part_moments
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.workspace import Workspace
+from actionopt.tools import mathml
 
 FREE = systems.particle("x y")
 ACROSS = Problem(FREE, Event(1.0, [0.5, 0.0]), Event(3.0, [2.0, -1.0]))
@@ -1630,3 +1634,54 @@ def test_the_best_of_paths_along_an_obstacle_is_kept(monkeypatch):
     assert best("abc", c=True)[0].name == "b"
     found, message = best("a")
     assert (found.name, message) == ("a", "a")
+
+
+# -- formulas, and what is tried from a guess ------------------------------------------------------
+
+
+MINUS = html.unescape("&#x2212;")
+
+
+def test_sums_and_roots_are_written_with_their_signs():
+    written = re.sub(r"<[^>]*>", "", html.unescape(mathml.inline("a - b + c - 2*d", "abcd")))
+    assert re.sub(r"\W", "", written.replace(MINUS, "m").replace("+", "p")) == "ambpcm2d"
+    negative = re.sub(r"<[^>]*>", "", html.unescape(mathml.inline("-a + b", "ab")))
+    assert re.sub(r"\s", "", negative) == MINUS + "a+b"
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - np.sqrt(1 + q[0] ** 2) + 1 / (2 + q[0]), ["x"])
+    law = "L = x'^2 / 2 + 1 / (x + 2) - sqrt(x^2 + 1)"
+    assert written_laws.lagrangian(system, system.table) == law
+
+
+def test_a_root_is_kept_and_a_failure_undone():
+    here, moved = fake(moved=lambda z: moved if z.tolist() == [1, 2, 0] else None), object()
+    here.x, here.z = np.array([1.0, 2.0]), np.array([1.0, 2.0, 9.0])
+
+    def asked(answer, large=False):
+        ws: Any = fake(here=here, large=large, find=lambda how: answer and how == "stationary")
+        return Workspace.root(ws), ws.here
+
+    assert asked(True) == (True, moved)
+    assert asked(False) == (False, here)
+    assert asked(True, large=True) == (False, here)
+
+
+def test_a_path_is_followed_from_a_neighbour_on_its_own_mesh():
+    problem = systems.bratu()
+    mesh = Mesh.uniform(0.0, 1.0, 3, 6)
+    guess = Path(mesh, (mesh.nodes * (1 - mesh.nodes) / 2)[None])
+    found = revisions._near_guess(problem, guess, 1e-6, None)
+    assert found.success
+    assert found(0.5)[0] == pytest.approx(
+        0.14053921440, abs=1e-6
+    )  # 2 ln cosh(theta / 4) at the top
+
+
+def test_a_least_path_is_sought_down_from_the_guess():
+    hill = System(lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2, ["x"])
+    problem = Problem(hill, Event(0.0, [1.0]), Event(6.0, [1.0]))
+    sought = fake(problem=problem, guess=lambda t: 1 + 0.1 * np.sin(np.pi * t / 6)[None])
+    found: Any = window.descend_from_guess(sought, None)
+    np.testing.assert_allclose(found.values, 1.0, atol=5e-3)
+    pushed = systems.oscillator("x", force=lambda q, v, t: [-v[0]])
+    forced = Problem(pushed, problem.start, problem.end)
+    assert window.descend_from_guess(fake(problem=forced, guess=None), None) is None
