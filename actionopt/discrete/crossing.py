@@ -133,9 +133,8 @@ def find_imbalance(
     growth : callable
         Returns how much farther an impulse moves the path than a free body, at least one.
     """
-    if at.problem.system.structure.jumpless:
-        return None, error
-    off, told = _between_samples(at, error, tol, growth)
+    structure = at.problem.system.structure
+    off, told = (None, error) if structure.jumpless else _between_samples(at, error, tol, growth)
     hidden = unsampled_steps(at) if off is None else None
     if hidden is not None and hidden[1] > 0:
         told = max(told, DRIFT_SAFETY * growth() * hidden[1])

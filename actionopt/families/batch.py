@@ -487,7 +487,9 @@ class _Members:
         mesh, duration = at.shape.mesh, self.times[which, 1] - start
         since = np.multiply.outer(mesh.nodes_since / mesh.duration, duration)
         q = Q.transpose(2, 1, 0)
-        return may_have_unsampled(system, q, since, duration, start, self.packed[which])
+        return may_have_unsampled(
+            system, system.step_arguments, q, since, duration, start, self.packed[which]
+        )
 
     def _balances(self, at: _MeshLevel, i: int, Q: Array, error: float) -> tuple[bool, float]:
         """Return whether energy balances along a member's path, and its error, as `solve` does."""

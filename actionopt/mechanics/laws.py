@@ -82,6 +82,7 @@ class Structure:
     smooth: bool  # neither L nor Q have a kink or a jump in q or v
     jumpless: bool  # it is plain that L cannot step
     hides: bool  # L may have steps along a path that no sample shows
+    pushes: bool  # Q may have such steps
     operations: frozenset[int]  # CasADi's numbers of those in L, f and Q
     samples: int  # times over the whole duration at which the forces are sampled, at least
 
@@ -186,6 +187,7 @@ class Laws:
             smooth=narrow < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
             jumpless=jumpless,
             hides=not jumpless and self.order == 1 and may_hide(L),
+            pushes=self.Q.numel() > 0 and self.order == 1 and may_hide(Q),
             operations=L.operations | f.operations | Q.operations,
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
@@ -251,6 +253,12 @@ class Laws:
     def steps_along(self) -> Pointwise | None:
         """Return what tells of narrow steps of L along a path; None where there can be none."""
         return steps_along(self.symbols, self.L) if self.structure.hides else None
+
+    @Once
+    def pushes_along(self) -> tuple[StepArguments, Pointwise] | None:
+        """Return the arguments of narrow steps of Q, and what tells of them; None without any."""
+        along = steps_along(self.symbols, self.Q) if self.structure.pushes else None
+        return None if along is None else (StepArguments(self.operations(self.Q)), along)
 
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
         """Whether an output of a compiled function depends on any of these inputs."""

@@ -469,8 +469,8 @@ class Workspace(Generic[Place]):
 
     def find_imbalance(self) -> Jump | Imbalance | None:
         """Return where the balance of energy does not hold along the path; say so if L jumps."""
-        off = None
-        if not self.problem.system.structure.jumpless:
+        off, structure = None, self.problem.system.structure
+        if structure.pushes or not structure.jumpless:
             from actionopt.discrete.crossing import find_imbalance
 
             here = self.here
