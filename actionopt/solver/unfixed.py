@@ -544,7 +544,8 @@ def solve_free_boundary(
     hint = search.hint(solution)
     if choices.principle == "least" and solution.status.success and solution.morse_index > 0:
         solution = replace(solution, status=Status.NOT_LEAST)
-    return solution, message_of(solution, choices.tol, hint, search.barrier)
+    message = "" if solution.success else message_of(solution, choices.tol, hint, search.barrier)
+    return solution, message
 
 
 @dataclass(eq=False)
