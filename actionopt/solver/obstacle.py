@@ -62,9 +62,7 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # kept in this range. Where such parts come and go a path may be inside of the obstacle by the end
 # of the range, in its size.
 VANISHING = 1e-10, 1e-5
-# Of the duration, and of the tolerance: a step of the times of contact that need not be taken. The
-# next one is this one times the square of its ratio to the last.
-SETTLED_TIME, SETTLED_SHARE = 1e-13, 1e-3
+SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that need not be taken
 # Steps of the times of contact are round-off if two, shorter than this part of the duration, do not
 # contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
 # 72 walls of 1:100.
@@ -327,8 +325,7 @@ class Along(Workspace[Iterate]):
             part = self._within(times, step)
             self._shift(times, part * step)
             self.here = self.here.moved(here.z + part * move)
-            ratio = min(size / last if last < np.inf else 1.0, 1.0)
-            if size * ratio**2 < max(SETTLED_TIME, SETTLED_SHARE * self.tol):
+            if size * min(size / last if last < np.inf else 1.0, 1.0) < SETTLED_TIME:
                 return True
             last = size
         return False

@@ -28,7 +28,7 @@ from actionopt.solver.first_contacts import ACROSS, rows_along, runs, sample_tim
 from actionopt.tools.types import EPS, Array
 
 ANGLE = np.pi / 12  # by which a normal is turned at once; ad hoc
-# of Newton's method to a point, and the error of one that is near enough, in sizes: a guess
+# of Newton's method to a point, and a step that is the last: the next would be its square
 SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-5
 # of false position, to where a string comes to a body, and the cosine that is zero there
 ANGLE_STEPS, LAST_COSINE = 12, 1e-3
@@ -67,7 +67,7 @@ class Body:
 
     def touching_point(self, x: Array, normal: Array) -> Array | None:
         """Return the point near x (n,) at which a plane of this normal (n,) touches; else None."""
-        n, mu, last = x.size, None, np.inf
+        n, mu = x.size, None
         K = np.zeros((n + 1, n + 1))
         for _ in range(SUPPORT_STEPS):
             f, G, H = self.at(x)
@@ -80,11 +80,8 @@ class Body:
             x, mu = x + step[:n], mu + step[n]
             if not np.isfinite(x).all() or mu <= 0:
                 return None
-            size = float(np.abs(step[:n]).max())
-            ratio = size / last if last < np.inf else 1.0
-            if size * min(ratio, 1.0) < LAST_SUPPORT_STEP:  # the next is no longer
+            if np.abs(step[:n]).max() < LAST_SUPPORT_STEP:
                 return x
-            last = size
         return None
 
     def arc_over(self, first: Array, last: Array, side: Array) -> list[tuple[Array, Array]] | None:
