@@ -9,7 +9,7 @@ is compared with what is known and with the forward motion from its own start, o
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
@@ -55,11 +55,12 @@ SAME_COARSE_PATH = 1e-3
 SAME_VELOCITY = 1e-3
 SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the same
 FAMILY_REACH = 1e6  # what goes farther does so by round-off alone
-VELOCITY_BISECTIONS = 25  # to a guess as good as single precision
+VELOCITY_DIVISIONS, VELOCITY_PARTS = 5, 32  # 2^25, to a guess as good as single precision
 CONTINUATION_TOL = 1e-5  # of paths on the way to another
 CONTINUATION_STEPS = 160
 SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
 FOR_EACH_EVENT, MOST_EVENTS = 20, 2  # first paths a start and event; ad hoc
+FASTER_OCTAVES = 3  # most, of the speeds of one coordinate: there may be faster ones without end
 CLOSED_BATCHES = 3  # most for closed paths: there may be larger and larger ones without end
 CLOSED_REACH = 4.0  # largest motions tried for closed paths, in the size of those that are known
 # Classes of turns in which paths are sought, those of fewest turns: w turns of n angles have
@@ -132,6 +133,7 @@ class Answers:
     tried: Counter[str] = field(default_factory=Counter)
     rejected: int = 0
     interrupted: bool = False
+    fastest: float = 0.0  # of the first motions of one coordinate
     last: Solution | None = None  # what the last start led to, or what that repeats
 
     def __post_init__(self) -> None:
@@ -183,6 +185,7 @@ class Answers:
                     yield from self._forward_shots(shots)
                 yield from self._deflate(starts)
                 yield from self._folds(continuations)
+                yield from self._faster_shots(shots)
 
     def _to_all_sides(self, starts: int) -> Iterator[Start]:
         """Yield curves past the obstacle on all of its sides."""
@@ -260,7 +263,9 @@ class Answers:
             return
         rng = np.random.default_rng(self.seed)
         if n == 1:
-            yield from self._bracket(velocities(self.problem, self.far, 4 * shots, rng)[0])
+            v0 = velocities(self.problem, self.far, 4 * shots, rng)[0]
+            self.fastest = float(v0[-1])
+            yield from self._bracket(v0)
             return
         yield from self._aim(velocities(self.problem, self.far, shots, rng))
         dry = 0
@@ -273,6 +278,19 @@ class Answers:
             dry = dry + 1 if len(self.found) == before else 0
             if dry == FRUITLESS_BATCHES:
                 break
+
+    def _faster_shots(self, shots: int) -> Iterator[Start]:
+        """Yield motions of one coordinate faster than the first, until an octave has none.
+
+        The first are as fast as forces between the events suggest; beyond, these may be stronger.
+        """
+        v0 = np.linspace(self.fastest, 2 * self.fastest, shots)
+        for _ in range(FASTER_OCTAVES if self.fastest else 0):
+            forth = yield from self._bracket(v0)
+            back = yield from self._bracket(-v0)
+            if not (forth or back):
+                return
+            v0 = 2 * v0
 
     def _close(self, shots: int) -> Iterator[Start]:
         """Yield forward motions, changed until they close."""
@@ -327,8 +345,11 @@ class Answers:
         v0, arrived = aim(self.problem, v0[:, usable], goals)
         yield from self._arrivals([targets[i] for i in arrived], v0)
 
-    def _bracket(self, v0: Array) -> Iterator[Start]:
-        """Yield motions at all changes of sign of the miss at the end, for one coordinate."""
+    def _bracket(self, v0: Array) -> Generator[Start, None, bool]:
+        """Yield motions at all changes of sign of the miss at the end, for one coordinate.
+
+        Returns whether there were any.
+        """
         self.tell("shots", 0, v0.size, "forward shots", v0.size)
         ends = shoot(self.problem, v0[None, None])[0, 0]
         classes, rows = [], []
@@ -338,14 +359,19 @@ class Answers:
             classes += [c] * at.size
             rows += [(v0[i], v0[i + 1], miss[i]) for i in at]
         if not rows:
-            return
+            return False
         low, high, low_miss = np.array(rows).T
         target = np.array([c.problem.end.q[0] for c in classes], dtype=float)
-        for _ in range(VELOCITY_BISECTIONS):
-            middle = (low + high) / 2
-            left = (shoot(self.problem, middle[None, None])[0, 0] - target) * low_miss > 0
-            low, high = np.where(left, middle, low), np.where(left, high, middle)
+        inner = np.arange(1, VELOCITY_PARTS)[:, None] / VELOCITY_PARTS
+        for _ in range(VELOCITY_DIVISIONS):  # a hundred motions take hardly longer than one
+            v = low + (high - low) * inner
+            ends = shoot(self.problem, v.reshape(1, 1, -1))[0, 0].reshape(v.shape)
+            left = (ends - target) * low_miss > 0
+            part = np.where(left.all(axis=0), len(inner), np.argmin(left, axis=0))
+            step = (high - low) / VELOCITY_PARTS
+            low, high = low + part * step, low + (part + 1) * step
         yield from self._arrivals(classes, ((low + high) / 2)[None])
+        return True
 
     def _arrivals(self, classes: list[Winding], v0: Array) -> Iterator[Start]:
         """Yield motions with velocities v0 (n, K) that nearly arrive."""

@@ -234,7 +234,9 @@ def passages(
         looked_at = t0 + np.arange(since and since - 2 * step, span + step / 2, step)
         looked_at[-1], since = t0 + span, span
         for flight in going:
-            times = looked_at[looked_at <= flight.times[-1]]
+            # Besides at the motion's own steps: a long span may hold hundreds of its oscillations.
+            own = flight.times[flight.times > looked_at[0]]
+            times = np.union1d(looked_at[looked_at <= flight.times[-1]], own)
             if times.size < 3:
                 continue
             state = hermite(*flight)(times), hermite(*flight, slope=True)(times), times
