@@ -460,8 +460,14 @@ class Integral:
         return Edges(rows.T, rows, np.zeros((c, c)), times)
 
     def misread(self, at: DiscretePath) -> Array:
-        """Return the round-off of the rows, (c,): an eps each for the values and for the sums."""
-        return 2 * EPS * (at.tr.weight[:, 0] @ np.abs(integrands(at)[0])) / self.units
+        """Return the round-off of the rows, (c,): an eps each for the values and for the sums.
+
+        And for the velocities: an eps of the coordinates' sizes in w v at each node, as w d / h is
+        about one on an element of the length h and of degree d. They are rounded independently.
+        """
+        g, _, by_v, _ = integrands(at)
+        velocities = np.linalg.norm(np.abs(by_v) @ at.tr.lengths, axis=0)
+        return EPS * (2 * (at.tr.weight[:, 0] @ np.abs(g)) + velocities) / self.units
 
 
 # -- where a closed path begins -------------------------------------------------------------------

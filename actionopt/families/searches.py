@@ -9,7 +9,7 @@ is compared with what is known and with the forward motion from its own start, o
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
@@ -57,7 +57,6 @@ SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the 
 FAMILY_REACH = 1e6  # what goes farther does so by round-off alone
 VELOCITY_DIVISIONS, VELOCITY_PARTS = 5, 32  # 2^25, to a guess as good as single precision
 CONTINUATION_TOL = 1e-5  # of paths on the way to another
-CONTINUATION_STEPS = 160
 SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
 FOR_EACH_EVENT, MOST_EVENTS = 20, 2  # first paths a start and event; ad hoc
 FASTER_OCTAVES = 3  # most, of the speeds of one coordinate: there may be faster ones without end
@@ -280,16 +279,14 @@ class Answers:
                 break
 
     def _faster_shots(self, shots: int) -> Iterator[Start]:
-        """Yield motions of one coordinate faster than the first, until an octave has none.
+        """Yield motions of one coordinate some octaves faster than the first ones.
 
-        The first are as fast as forces between the events suggest; beyond, these may be stronger.
+        These are as fast as forces between the events suggest; beyond, forces may be stronger.
         """
         v0 = np.linspace(self.fastest, 2 * self.fastest, shots)
         for _ in range(FASTER_OCTAVES if self.fastest else 0):
-            forth = yield from self._bracket(v0)
-            back = yield from self._bracket(-v0)
-            if not (forth or back):
-                return
+            yield from self._bracket(v0)
+            yield from self._bracket(-v0)
             v0 = 2 * v0
 
     def _close(self, shots: int) -> Iterator[Start]:
@@ -345,11 +342,8 @@ class Answers:
         v0, arrived = aim(self.problem, v0[:, usable], goals)
         yield from self._arrivals([targets[i] for i in arrived], v0)
 
-    def _bracket(self, v0: Array) -> Generator[Start, None, bool]:
-        """Yield motions at all changes of sign of the miss at the end, for one coordinate.
-
-        Returns whether there were any.
-        """
+    def _bracket(self, v0: Array) -> Iterator[Start]:
+        """Yield motions at all changes of sign of the miss at the end, for one coordinate."""
         self.tell("shots", 0, v0.size, "forward shots", v0.size)
         ends = shoot(self.problem, v0[None, None])[0, 0]
         classes, rows = [], []
@@ -359,7 +353,7 @@ class Answers:
             classes += [c] * at.size
             rows += [(v0[i], v0[i + 1], miss[i]) for i in at]
         if not rows:
-            return False
+            return
         low, high, low_miss = np.array(rows).T
         target = np.array([c.problem.end.q[0] for c in classes], dtype=float)
         inner = np.arange(1, VELOCITY_PARTS)[:, None] / VELOCITY_PARTS
@@ -371,7 +365,6 @@ class Answers:
             step = (high - low) / VELOCITY_PARTS
             low, high = low + part * step, low + (part + 1) * step
         yield from self._arrivals(classes, ((low + high) / 2)[None])
-        return True
 
     def _arrivals(self, classes: list[Winding], v0: Array) -> Iterator[Start]:
         """Yield motions with velocities v0 (n, K) that nearly arrive."""
@@ -429,7 +422,7 @@ class Answers:
                 if (id(solution), factor) in followed:
                     continue
                 self.tell("continuations", done, min(most, len(self.found)), "continuations")
-                options = {"tol": CONTINUATION_TOL, "steps": CONTINUATION_STEPS, "count": False}
+                options = {"tol": CONTINUATION_TOL, "count": False}
                 try:
                     guess = _coarser(solution.path)
                     branch = trace(c.problem, "t1", t0 + factor * T, guess=guess, **options)
