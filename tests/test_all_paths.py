@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import systems
 from helpers import integrated, slow
+from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import scenes
@@ -79,6 +80,18 @@ def test_a_named_azimuth_winds():
     exact = sorted(((1 + 2 * np.pi * k) ** 2 / 2 / np.log(2), (k,)) for k in range(-2, 3))
     assert [s.action for s in found] == pytest.approx([S for S, _ in exact])
     assert list(found.windings) == [k for _, k in exact]
+
+
+@pytest.mark.long
+def test_motions_faster_than_forces_between_the_events_suggest():
+    """q'' = -q^3 from 0 to 0: k half swings, A = 2 k K(1/2) / T, at A^2 / sqrt(2)."""
+    quartic = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    ends = ao.Event(0.0, [0.0]), ao.Event(3.0, [0.0])
+    found = solve_all(ao.Problem(quartic, *ends), starts=0, continuations=0)
+    a = 2 * ellipk(0.5) * np.array([1, 2])
+    exact = np.outer([-1, 0, 1], (a / 3) ** 2 / np.sqrt(2)).ravel()
+    v0 = np.sort([path.start.v[0] for path in found])
+    np.testing.assert_allclose(v0, np.unique(exact), atol=1e-9)
 
 
 # -- Lambert's problem ----------------------------------------------------------------------------

@@ -238,6 +238,15 @@ def test_a_rope_that_is_hardly_longer_than_the_line_hangs(excess):
 
 
 @pytest.mark.long
+def test_velocities_of_a_steep_rope_are_rounded_as_the_error_tells():
+    """Its length depends on the rounding of its slopes; heights by 40 digits of its catenary."""
+    ends = ao.Event(0.0, [1.0]), ao.Event(2.0, [3.0])
+    found = ao.solve(ao.Problem(ROPE, *ends, integral=2.8284274075889027))
+    exact = [1.49941912751539633, 1.99922540337325016, 2.49941897751543154]
+    assert np.abs(found([0.5, 1.0, 1.5])[0] - exact).max() / 3 < found.error < 1e-11
+
+
+@pytest.mark.long
 def test_a_rope_of_which_round_off_leaves_too_little_is_said_to_be_so():
     found, sag = hang(2 + 2e-9)
     assert found.status.name == "FLOOR"

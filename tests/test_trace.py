@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter
+from helpers import a_quarter, motion
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -37,6 +37,16 @@ def test_bratu_turns_the_corner():
     two = found.at(2.0)
     assert [s.action for s in two] == pytest.approx([-2.2138465852135862, 3.1111695457891663])
     assert [s.morse_index for s in two] == [0, 1]
+
+
+@pytest.mark.long
+def test_a_branch_whose_direction_turns_fast_is_followed():
+    """A transfer of two turns, 0.3 from the centre: dr/ds near by gave another direction."""
+    system, v = systems.kepler(), [0.7941, 0.71812]
+    ends = ao.Event(0.0, [1.0, 0.0]), ao.Event(22.0, [0.0, 1.2])
+    guess = motion(system, [1.0, 0.0], v, 0.0, 22.0)
+    found = trace(ao.Problem(system, *ends), "t1", 18.0, guess=guess, count=False)
+    assert found.stopped == "it reached the goal"
 
 
 @pytest.mark.slow

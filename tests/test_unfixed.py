@@ -364,6 +364,19 @@ def test_both_throws_of_one_energy_in_space_are_found():
     )
 
 
+@pytest.mark.long
+def test_an_oscillator_that_sets_out_near_its_rest_passes_a_place_four_times():
+    """Up and back under the force at the start would last 1000 periods."""
+    q, end = 1e-3, 0.5
+    ends = ao.Event(0.0, [q]), ao.Event(None, [end])
+    paths = ao.solve_all(ao.Problem(systems.oscillator(), *ends, energy=0.5))
+    up, down = np.arcsin(q), np.pi - np.arcsin(q)
+    exact = [
+        (at - phase) % (2 * np.pi) for at in (np.pi / 6, 5 * np.pi / 6) for phase in (up, down)
+    ]
+    assert sorted(path.duration for path in paths) == pytest.approx(sorted(exact))
+
+
 @pytest.mark.parametrize("start", [None, 0.7, *slow(0.0)])
 @pytest.mark.parametrize("energy", [0.9, *slow(4.0)])
 def test_period_of_a_quartic_oscillator(start, energy):
