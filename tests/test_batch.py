@@ -209,6 +209,19 @@ def test_other_problems_are_solved_one_by_one():
     assert found.action[2] == pytest.approx(again.action, rel=1e-9)
 
 
+def test_members_with_constraints_take_a_factorization_from_where_those_before_lead():
+    system = ao.System(
+        lambda q, v, t, *, g: v @ v / 2 - g * q[1],
+        ["x", "y"],
+        parameters={"g": 9.0},
+        constraint=lambda q, t: q @ q - 1,
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [0.6, -0.8]), ao.Event(0.5, [0.0, -1.0]))
+    found = solve_run(problem, {"g": np.linspace(9.0, 10.0, 8)})
+    assert found.alone.all() and (found.iterations[3:] == 1).all()
+    assert found.action[7] == pytest.approx(ao.solve(member(problem, {"g": [10.0]}, 0)).action)
+
+
 @pytest.mark.long
 def test_blocks_are_neighbours(monkeypatch):
     problem, columns = FAMILIES["pendulum"]()

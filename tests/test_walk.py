@@ -46,13 +46,16 @@ def test_where_there_is_no_way_there_is_no_path(monkeypatch):
 
 
 def test_twice_as_many_steps_come_to_the_same(monkeypatch):
-    speeds = {4: 1.0, 8: 2.0, 16: 2.0 + 1e-4, 32: 3.0}
+    speeds = {2: 0.0, 4: 1.0, 8: 2.0, 16: 2.0 + 1e-4, 32: 3.0}
 
     def steps(problem, path, start, end, count, tol):
-        return SimpleNamespace(path=count, momenta=([speeds[count]], [-1.0]))
+        return SimpleNamespace(path=count, momenta=([speeds[count]], [-1.0])), count == straight
 
     monkeypatch.setattr(module, "_steps", steps)
+    straight = None
     assert walk(PENDULUM, None, START, END, 99, 1e-8) == 8
+    straight = 4  # each of its steps goes on as the last
+    assert walk(PENDULUM, None, START, END, 99, 1e-8) == 4
 
 
 def test_a_path_is_led_to_other_ends():

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,7 @@ OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 MESH_LEVELS = 4  # meshes that a member is tried on, each finer
 INDEX_MESHES = 4  # on which indices are counted together
+FOLLOWED = 6  # members before one that is solved alone, by which its path is expected
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 # Amplified round-off, as it is and against a mesh's first member, from where on `solve` is to count
 # whether a member is one of a family. Measured: of 400 families in all directions 2.4e-7 and more.
@@ -213,13 +214,15 @@ class _Members:
             _can_be_stacked(self.problem, self.times, self.packed) and self._begin(first, solution)
         ):
             for way in (range(first + 1, count), range(first - 1, -1, -1)):
-                last, nearest = solution, first
+                near = {first: solution}  # the last ones that were found
                 for i in way:
                     found = given.get(i)
                     if not self.decided[i]:
-                        found = self._solve(i, last, nearest)
+                        found = self._solve(i, self._expect(i, near), next(reversed(near)))
                     if found is not None and found.success:
-                        last, nearest = found, i
+                        near[i] = found
+                        if len(near) > FOLLOWED:
+                            del near[next(iter(near))]
             return
         for i in given:
             if i != first:
@@ -279,7 +282,10 @@ class _Members:
         self.neighbour[i] = neighbour
         try:
             problem = member(self.problem, self.columns, i)
-            guess = lead_to(guess, problem) if isinstance(guess, Path) else guess
+            if isinstance(guess, Path):
+                guess = lead_to(guess, problem)
+            elif isinstance(guess, Solution):
+                guess = replace(guess, path=lead_to(guess.path, problem))
             found = None
             if again:
                 found = self._search(i, problem, guess)
@@ -305,6 +311,20 @@ class _Members:
         self.momenta[i], self.slopes[i] = found.momenta, slopes
         self._hold(i, found)
         return found
+
+    def _expect(self, i: int, near: Mapping[int, Solution]) -> Solution:
+        """Return the last of the members `near` with the path that all lead to expect of another.
+
+        Those whose meshes are of one shape are asked.
+        """
+        *_, last = near.values()
+        alike = [k for k, other in near.items() if _have_one_shape(other.mesh, last.mesh)]
+        apart = self.at[alike] - self.at[i]
+        radius = np.sqrt((apart**2).sum(axis=1).max())
+        share = weights(apart[None] / (radius if radius > SAME_MEMBER else 1.0))[0]
+        values = sum(w * near[k].path.values for w, k in zip(share, alike, strict=True))
+        lam = sum(w * near[k].lam for w, k in zip(share, alike, strict=True))
+        return replace(last, path=Path(last.mesh, values), lam=lam)
 
     def _hold(self, i: int, found: Solution) -> None:
         """Keep the path of a member."""
@@ -566,6 +586,12 @@ class _Members:
         pinned = np.isfinite(self.ends[which])
         Q[:, [0, -1]] = np.where(pinned, self.ends[which], Q[:, [0, -1]])
         return Q
+
+
+def _have_one_shape(a: Mesh, b: Mesh) -> bool:
+    """Whether two meshes are one, but for their times."""
+    same = a.degrees == b.degrees
+    return same and np.array_equal(a.since / a.duration, b.since / b.duration)
 
 
 def _can_be_stacked(problem: Problem, times: Array, packed: Array) -> bool:

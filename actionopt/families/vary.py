@@ -181,7 +181,9 @@ def slope_along(solution: Solution, names: Iterable[Name]) -> list[float]:
     forced, free_time = problem.system.structure.forced, problem.original.free_time
     if forced or problem.system.r or free_time or not solution.success:
         return [np.nan] * len(names)
-    known = slopes(solution.discrete, solution.momenta, solution.impulses, solution.time_slopes)
+    timed = any(name in ("t0", "t1") or name[0] == "through" for name in names)
+    times = solution.time_slopes if timed else np.full(2 + len(problem.through), np.nan)
+    known = slopes(solution.discrete, solution.momenta, solution.impulses, times)
     known |= {"t0": known["times"][0], "t1": known["times"][-1]}
     return [float(slope(problem, known, name)) for name in names]
 

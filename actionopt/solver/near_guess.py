@@ -41,6 +41,18 @@ def follow_neighbour(search: Search, neighbour: Solution) -> Status:
     return search.refine() if near else Status.NOT_FOUND
 
 
+def follow_expected(search: Search, expected: Solution, curve_of: Callable[[Mesh], Path]) -> Status:
+    """Follow a path that is expected near others, on their mesh and with multipliers like theirs.
+
+    A neighbour is given with that path and these multipliers in place of its own.
+    """
+    curve = curve_of(expected.mesh)
+    search.begin("linear" if search.ws.linear else "guess")
+    lam = np.nan_to_num(expected.lam.T)
+    search.ws.transcribe(curve.mesh, curve, lam, like=curve)
+    return search.refine() if search.ws.follow(FOLLOWED_REACH) else Status.NOT_FOUND
+
+
 def follow_guess(
     search: Search, curve_of: Callable[[Mesh], Path], seen: Mesh | None = None
 ) -> Status:
