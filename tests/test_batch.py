@@ -60,7 +60,23 @@ FAMILIES = {
         {"mu": np.linspace(0.9, 1.1, 40), ("end", "y"): 0.3 + 0.1 * np.sin(np.arange(40.0))},
     ),
     "free end": lambda: _free(),
+    "lattice": lambda: (row(9, 1.0), {"beta": np.linspace(0.1, 0.2, 40)}),
+    "long lattice": lambda: (row(9, 3.2), {"beta": np.linspace(0.1, 0.2, 40)}),
 }
+
+
+def row(n, T):
+    """Masses in a row, each pulled and turned by its neighbours alone."""
+
+    def lagrangian(q, v, t, *, beta):
+        d = q[1:] - q[:-1]
+        turned = np.sum(q[1:] * v[:-1]) - np.sum(v[1:] * q[:-1])
+        kept = d @ d / 2 + beta * np.sum(d**4) / 4 + q @ q
+        return v @ v / 2 + v[1:] @ v[:-1] / 8 + turned / 4 - kept
+
+    system = ao.System(lagrangian, [f"u{j}" for j in range(n)], parameters={"beta": 1.0})
+    place = 0.3 * np.sin(np.arange(1.0, n + 1))
+    return ao.Problem(system, ao.Event(0.0, place), ao.Event(T, -0.5 * place))
 
 
 def _double():
@@ -235,12 +251,14 @@ def test_blocks_are_neighbours(monkeypatch):
     assert np.allclose(outwards.action, whole.action, rtol=1e-12)
 
 
+@pytest.mark.parametrize("elements", [1, 3])
 @pytest.mark.parametrize(
-    "name", ["pendulum", "double_pendulum", "charge_gauge", "moving_pivot", "kepler_polar"]
+    "name",
+    ["pendulum", "double_pendulum", "charge_gauge", "moving_pivot", "kepler_polar", "row"],
 )
-def test_stacks_are_the_transcription(name):
-    problem = scenes.get(name).problem
-    mesh = ao.Mesh.uniform(problem.start.t, problem.end.t, 3, 7)
+def test_stacks_are_the_transcription(name, elements):
+    problem = row(5, 2.0) if name == "row" else scenes.get(name).problem
+    mesh = ao.Mesh.uniform(problem.start.t, problem.end.t, elements, 7)
     tr = Transcription(problem, mesh, problem.lengths)
     rng = np.random.default_rng(0)
     shape = StackShape(problem.system, mesh.moved(0.0, 1.0), ((), ()), tr.lengths, tr.action_unit)

@@ -33,7 +33,7 @@ def _count(stack: Stack, Q: Array, error: float) -> Array:
     tolerance = np.full(C, np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST))
     low = Factored(shape, stack.coefficients(second, -tolerance)).negative
     factored = Factored(shape, stack.coefficients(second, tolerance))
-    fields = factored.responses().reshape(shape.P, -1)[shape.back]
+    fields = factored.responses()[shape.rows].reshape(shape.P, -1)
     fields = np.abs(shape.rule.to_legendre @ fields).reshape(shape.P, -1, shape.E, C)
     size = np.abs(fields).max(axis=(0, 1))
     resolved = (fields[-2:].max(axis=(0, 1)) <= INDEX_RESOLUTION * size).all(axis=0)

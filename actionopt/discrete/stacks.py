@@ -39,7 +39,79 @@ PROGRAMS = "value", "gradient", "second", "slopes", "balance"
 # Numbers in the matrices, and in what is evaluated at once, of members that are worked on at a
 # time: so little memory, that is used again. Measured: half or twice as many take a tenth longer.
 MATRICES, VALUES = 2**20, 2**17
+WHOLE = 2**23  # numbers in the matrices with those that are never touched; ad hoc, 64 MB
+# Members at a time from where on, and multiplications for each unknown up to which, this is faster
+# than `solve` for each. FEWEST is ad hoc. WORK measured: pendulums of 12 links take as long either
+# way, those of 10 links a tenth less together.
+FEWEST, WORK = 16, 3000
 MOST_AT_ONCE, LEAST_AT_ONCE = 256, 8  # members
+
+
+class Band(NamedTuple):
+    """Where symmetric matrices have entries, or get some as rows are eliminated.
+
+    Attributes
+    ----------
+    first : list of int
+        The first row with an entry in each column.
+    beyond : list of lists of slices
+        The columns from each row's own on in which it has entries.
+    beside, empty : lists of pairs of slices
+        Rows inside, and columns of the ends, with entries; and rows and columns that are to be zero
+        before any are put there.
+    size : int
+        How many entries there are, about.
+    """
+
+    first: list[int]
+    beyond: list[list[slice]]
+    beside: list[tuple[slice, slice]]
+    empty: list[tuple[slice, slice]]
+    size: int
+
+    @classmethod
+    def full(cls, rows: int) -> Band:
+        """Return that of matrices whose entries are all there."""
+        return cls([0] * rows, [[slice(r, rows)] for r in range(rows)], [], [], rows**2)
+
+    @classmethod
+    def of(cls, system: System, inside: int, *, ends: bool) -> Band:
+        """Return that of elements' matrices, so many nodes `inside`, in the order of `_rows`.
+
+        With rows and columns of their `ends`, or those of the nodes inside alone.
+        """
+        n, (early, last) = system.n, coupled(system)
+        places, inner = (inside + 2) * n, inside * n
+        first, beyond = [], []
+        for a in range(n):
+            stop, far = inside * (last[a] + 1), last[a] + 1
+            whole = ends and far == n
+            at_ends = [slice(k, k + far) for k in (inner, inner + n)] if ends else []
+            for r in range(a * inside, (a + 1) * inside):
+                first.append(inside * early[a])
+                beyond.append([slice(r, places)] if whole else [slice(r, stop), *at_ends])
+        for r in range(inner, places if ends else inner):
+            first.append(inside * early[(r - inner) % n])
+            beyond.append([slice(r, places)])
+        size = 2 * sum(here.stop - here.start for spans in beyond for here in spans)
+        beside, empty = [], [(slice(inner, places), slice(inner, places))]
+        for a in range(n):
+            rows = slice(a * inside, (a + 1) * inside)
+            far = slice(0, n) if ends else slice(early[a], last[a] + 1)
+            beside += [(rows, slice(k + far.start, k + far.stop)) for k in (inner, inner + n)]
+            # As far as the rows below it are read.
+            empty.append((rows, slice(a * inside, inside * (last[last[a]] + 1))))
+        whole = system.pointwise("second").sparsity(2)[0].size == n * (n + 1) // 2
+        return cls(first, beyond, beside, [] if whole else empty + beside, size)
+
+    @property
+    def work(self) -> int:
+        """How many multiplications elimination takes, about."""
+        return sum(
+            (r - first) * (here.stop - here.start)
+            for r, (first, spans) in enumerate(zip(self.first, self.beyond, strict=True))
+            for here in spans
+        )
 
 
 class StackShape:
@@ -69,14 +141,12 @@ class StackShape:
         self.units, self.action_unit = units, action_unit
         self.rule: Rule = lgl(mesh.degrees[0])
         self.E, self.P, self.n = mesh.elements, mesh.degrees[0] + 1, system.n
-        # In the matrices the nodes inside come first.
-        self.order = np.r_[1 : self.P - 1, 0, self.P - 1]
-        self.back = np.argsort(self.order)
-        both = np.ix_(self.order, self.order)
-        self.weighted = self.rule.weighted_derivative[both]
-        stiffness = self.rule.stiffness.reshape(self.P, self.P, self.P)
-        self.stiffness = stiffness[both][np.triu_indices(self.P)]
-        self.upper = np.cumsum(np.r_[0, np.arange(self.P, 1, -1)]).tolist()
+        self.rows = _rows(self.P, self.n)
+        self.ordered = np.argsort(self.rows.ravel())
+        self.stiffness = self.rule.stiffness.reshape(self.P, self.P, self.P)[
+            np.triu_indices(self.P)
+        ]
+        self._entries: dict[tuple[int, int], tuple[NDInt, NDInt]] = {}
         self._memory = np.empty(0)
 
     def on(self, mesh: Mesh) -> StackShape:
@@ -133,33 +203,63 @@ class StackShape:
         other = (rule.nodes.size * np.arange(self.E)[which].size for which, rule in self.sampling)
         return max(self.P * self.E, *other)
 
+    @cached_property
+    def band(self) -> Band:
+        """Where the elements' matrices have entries."""
+        return Band.of(self.system, self.P - 2, ends=not self.held)
+
+    @property
+    def held(self) -> bool:
+        """Whether there are no nodes but those inside one element, and ends that are given."""
+        return self.E == 1 and not any(self.free)
+
+    @property
+    def pays(self) -> bool:
+        """Whether many members take less time together than one by one."""
+        fit = self.E * self.places**2 * FEWEST <= WHOLE
+        return fit and self.band.work <= WORK * self.inner
+
     def assemble(self, M: Array, coefficients: list[Array]) -> None:
         """Put the elements' second derivatives of S into M, (places, places, B), the upper rows."""
         A, B, C = coefficients
-        blocks = M.reshape(self.P, self.n, self.P, self.n, -1)
-        pointwise, at = self.system.pointwise("second"), np.arange(self.P)
-        rows, cols = pointwise.sparsity(2)
-        if rows.size < self.n * (self.n + 1) // 2:
-            M[...] = 0.0
-        for a, b, c in zip(rows, cols, C, strict=True):
-            out = self.stiffness @ c  # node by node, those from it on
-            for j, first in enumerate(self.upper):
-                part = out[first : first + self.P - j]
-                blocks[j, a, j:, b] = part
-                if a != b:
-                    blocks[j, b, j:, a] = part
+        pointwise = self.system.pointwise("second")
+        j, k = np.triu_indices(self.P)
+        weighted = self.rule.weighted_derivative[j, k][:, None]
+        mirrored = self.rule.weighted_derivative[k, j][:, None]
+        for here in self.band.empty:
+            M[here] = 0.0
+        for a, b, c in zip(*pointwise.sparsity(2), C, strict=True):
+            part = self.stiffness @ c
+            M[self._pair(a, b)] = part
+            if a != b:
+                M[self._pair(b, a)] = part
         for a, b, x in zip(*pointwise.sparsity(1), B, strict=True):
-            x = x[self.order]
-            for j in range(self.P):
-                blocks[j, a, j:, b] += self.weighted[j, j:, None] * x[j]
-                blocks[j, b, j:, a] += self.weighted[j:, j, None] * x[j:]
+            part, other = weighted * x[j], mirrored * x[k]
+            if a == b:
+                M[self._pair(a, a)] += part + other
+            else:
+                other[j == k] = 0.0  # once
+                M[self._pair(a, b)] += part
+                M[self._pair(b, a)] += other
         for a, b, x in zip(*pointwise.sparsity(0), A, strict=True):
-            blocks[at, a, at, b] += x[self.order]
+            at = self.rows[:, a], self.rows[:, b]
+            M[np.minimum(*at), np.maximum(*at)] += x
+
+    def _pair(self, a: int, b: int) -> tuple[NDInt, NDInt]:
+        """Return where a coordinate at nodes meets another at later ones, in the upper rows."""
+        if (a, b) not in self._entries:
+            j, k = np.triu_indices(self.P)
+            at = self.rows[j, a], self.rows[k, b]
+            self._entries[a, b] = np.minimum(*at), np.maximum(*at)
+        return self._entries[a, b]
 
     def parts(self, count: int) -> list[NDInt]:
         """Return so many members in parts that are worked on at a time."""
         most = min(
-            MATRICES // (self.E * self.places**2), VALUES // (self.points * self.n), MOST_AT_ONCE
+            MATRICES // (self.E * self.band.size),
+            WHOLE // (self.E * self.places**2),
+            VALUES // (self.points * self.n),
+            MOST_AT_ONCE,
         )
         return np.array_split(np.arange(count), -(-count // max(most, LEAST_AT_ONCE)))
 
@@ -450,12 +550,12 @@ class Stack:
         """Return dS/dq in units of the unknowns, (places, E, C), as right-hand sides have it."""
         s = self.shape
         unit = (s.units / s.action_unit)[:, None, None]
-        return (part[s.order] * unit).reshape(s.places, *part.shape[2:])
+        return (part * unit).reshape(s.places, *part.shape[2:])[s.ordered]
 
     def step(self, x: Array) -> Array:
         """Return the change of coordinates (P, n, E, C) that unknowns (places, E, C) stand for."""
         s = self.shape
-        return x.reshape(s.P, s.n, *x.shape[1:])[s.back] * s.units[:, None, None]
+        return x[s.rows] * s.units[:, None, None]
 
 
 class Factored:
@@ -486,13 +586,15 @@ class Factored:
         s.assemble(M, coefficients)
         at = np.arange(s.places)
         self.largest = np.abs(M[at, at]).reshape(s.places * s.E, -1).max(axis=0)
-        self.inverse = _eliminate(M, s.inner)
+        self.inverse = _eliminate(M, s.inner, s.band)
         self.negative = _negative(self.inverse.reshape(s.inner * s.E, -1))
+        # Nothing is beyond ends that are given.
+        levels = range(0 if s.held else s.E + 1)
         ends = M[s.inner :, s.inner :].reshape(2 * n, 2 * n, s.E, -1)
         # The nodes between elements in turn: inverse pivots, and these times what is beside them.
         self.levels: list[tuple[Array, Array]] = []
         carry = np.zeros((n, n, ends.shape[3]))
-        for e in range(s.E + 1):
+        for e in levels:
             pinned = s.pinned_coordinates(e)
             D, beside = carry, np.zeros_like(carry)
             if e < s.E:
@@ -517,8 +619,12 @@ class Factored:
         """
         s, n = self.shape, self.shape.n
         inner = right.reshape(*right.shape[:-2], -1)
-        _forward(self.M, self.inverse, inner)
+        _forward(self.M, self.inverse, inner, s.band)
         ends = right[s.inner :]  # (2 n, ..., E, C)
+        if s.held:
+            ends[...] = 0.0
+            _backward(self.M, self.inverse, inner, s.band)
+            return right
         kept = []
         beyond = np.zeros_like(ends[:n, ..., 0, :])
         for e, (inverse, response) in enumerate(self.levels):
@@ -534,7 +640,7 @@ class Factored:
             ends[n:, ..., e, :] = later
             later = kept[e] - _times(self.levels[e][1], later)
             ends[:n, ..., e, :] = later
-        _backward(self.M, self.inverse, inner)
+        _backward(self.M, self.inverse, inner, s.band)
         return right
 
     def responses(self) -> Array:
@@ -542,7 +648,11 @@ class Factored:
         s = self.shape
         found = np.zeros((s.places, 2 * s.n, self.M.shape[2]))
         found[s.inner + np.arange(2 * s.n), np.arange(2 * s.n)] = 1.0
-        _backward(self.M, self.inverse, found)
+        if s.held:
+            for rows, cols in s.band.beside:
+                found[rows, slice(cols.start - s.inner, cols.stop - s.inner)] = -self.M[rows, cols]
+            _forward(self.M, self.inverse, found, s.band)
+        _backward(self.M, self.inverse, found, s.band)
         return found
 
 
@@ -572,37 +682,65 @@ def compile_function(system: System, name: str) -> Columns:
     return system.memoize(f"program {name}", build)
 
 
-def _eliminate(M: Array, count: int) -> Array:
+def coupled(system: System) -> tuple[list[int], list[int]]:
+    """Return the first and the last coordinate with which each is coupled as it is eliminated.
+
+    In their order, so that the first, and the last, of a later one is no earlier.
+    """
+    n, pointwise = system.n, system.pointwise("second")
+    beside = np.eye(n, dtype=bool)
+    for k in range(3):
+        rows, cols = pointwise.sparsity(k)
+        beside[rows, cols] = beside[cols, rows] = True
+    last = np.maximum.accumulate(n - 1 - np.argmax(beside[:, ::-1], axis=1))
+    return np.searchsorted(last, np.arange(n)).tolist(), last.tolist()
+
+
+def _rows(P: int, n: int) -> NDInt:
+    """Return the rows (P, n) of coordinates at nodes in the elements' matrices.
+
+    The nodes inside come first, coordinate by coordinate, then the start, then the end.
+    """
+    found = np.empty((P, n), dtype=int)
+    found[1:-1] = np.arange((P - 2) * n).reshape(n, P - 2).T
+    found[[0, -1]] = (P - 2) * n + np.arange(2 * n).reshape(2, n)
+    return found
+
+
+def _eliminate(M: Array, count: int, band: Band) -> Array:
     """Eliminate the first rows of symmetric matrices (f, f, B), upper rows, in place: U = D L'.
 
     Return the inverse pivots (count, B). Row by row, each from all rows above it.
     """
     inverse = np.empty((count, M.shape[2]))
-    for r in range(len(M)):
-        above = M[: min(r, count)]
-        row = M[r, r:]
-        row -= np.einsum("ib,icb->cb", above[:, r] * inverse[: len(above)], above[:, r:])
+    for r in range(len(band.first)):
+        above = slice(band.first[r], min(r, count))
+        scaled = M[above, r] * inverse[above]
+        for here in band.beyond[r]:
+            M[r, here] -= np.einsum("ib,icb->cb", scaled, M[above, here])
         if r < count:
-            np.divide(1.0, row[0], out=inverse[r])
+            np.divide(1.0, M[r, r], out=inverse[r])
     return inverse
 
 
-def _forward(M: Array, inverse: Array, right: Array) -> None:
+def _forward(M: Array, inverse: Array, right: Array, band: Band) -> None:
     """Eliminate in right-hand sides (f, ..., B) what `_eliminate` did, in place: D y = right."""
     count = len(inverse)
-    for r in range(len(right)):
-        k = min(r, count)
-        right[r] -= np.einsum("ib,i...b->...b", M[:k, r], right[:k])
+    for r in range(len(band.first)):
+        above = slice(band.first[r], min(r, count))
+        right[r] -= np.einsum("ib,i...b->...b", M[above, r], right[above])
         if r < count:
             right[r] *= inverse[r]
 
 
-def _backward(M: Array, inverse: Array, right: Array) -> None:
+def _backward(M: Array, inverse: Array, right: Array, band: Band) -> None:
     """Solve L' x = y in place, (f, ..., B), for the rows that were eliminated, the others known."""
     for r in range(len(inverse) - 1, -1, -1):
-        beyond = np.einsum("cb,c...b->...b", M[r, r + 1 :], right[r + 1 :])
-        beyond *= inverse[r]
-        right[r] -= beyond
+        for k, here in enumerate(band.beyond[r]):
+            here = slice(here.start + 1, here.stop) if k == 0 else here
+            beyond = np.einsum("cb,c...b->...b", M[r, here], right[here])
+            beyond *= inverse[r]
+            right[r] -= beyond
 
 
 def _invert(D: Array) -> tuple[Array, Array]:
@@ -648,6 +786,6 @@ def pivots(n: int, rows: NDInt, cols: NDInt, values: Array) -> Array:
     points, _, elements, members = values.shape
     M = np.zeros((n, n, points * elements * members))
     M[rows, cols] = M[cols, rows] = values.swapaxes(0, 1).reshape(rows.size, -1)
-    _eliminate(M, n)
+    _eliminate(M, n, Band.full(n))
     at = np.arange(n)
     return M[at, at].min(axis=0).reshape(points, elements, members)

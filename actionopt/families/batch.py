@@ -59,7 +59,7 @@ PREDICTED = 256  # at a time; ad hoc, a size of memory
 SAME_MEMBER = 1e-7  # distance, of the ranges, at which members are one
 BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
 # Ad hoc, where nothing else is said.
-COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
+COORDINATES = 80  # up to which elements' matrices are best eliminated member by member
 MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
 OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
@@ -69,7 +69,9 @@ FOLLOWED = 6  # members before one that is solved alone, by which its path is ex
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 # Amplified round-off, as it is and against a mesh's first member, from where on `solve` is to count
 # whether a member is one of a family. Measured: of 400 families in all directions 2.4e-7 and more.
-SENSITIVE, SENSITIVE_GROWTH = 1e-8, 1e3
+# On a mesh of many elements round-off moves its first member farther, of which `solve` found that
+# it is none of a family: then those that it moves a little farther are none either; ad hoc.
+SENSITIVE, SENSITIVE_GROWTH, SENSITIVE_ALIKE = 1e-8, 1e3, 2.0
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
 
 
@@ -250,7 +252,7 @@ class _Members:
                 except ordinary_errors():  # for one of them: each is solved alone
                     self.doubtful[block[chosen]] = True
                 new = block[chosen][self.known[block[chosen]]]
-                front.note_solved(chosen.size, new.size)
+                front.note_solved(chosen.size, new.size, float(self.moved[block[chosen]].max()))
             else:
                 i, allowed = front.next_alone(left, self.budget.allows), self.budget.allows
                 again = i is None and allowed and bool(lost)
@@ -373,7 +375,7 @@ class _Members:
         size = sizes(solution.path.values.T, self.problem.scales)
         mesh = even(solution.path, size, self._target)
         shape = StackShape(self.problem.system, mesh, (start, end), tr.lengths, tr.action_unit)
-        if not self._add_level(i, solution.path, shape):
+        if not (shape.pays and self._add_level(i, solution.path, shape)):
             return False
         self.seeds = np.zeros((len(self.status), mesh.offsets[-1] + 1, shape.n))
         self._know(i, solution.path)
@@ -482,7 +484,7 @@ class _Members:
         error = np.maximum(error, SAFETY * found.missed)
         error = np.fmax(error, DRIFT_SAFETY * found.drift)
         several = found.Q.shape[2] > 1
-        sensitive = min(SENSITIVE, SENSITIVE_GROWTH * at.probed)
+        sensitive = max(min(SENSITIVE, SENSITIVE_GROWTH * at.probed), SENSITIVE_ALIKE * at.probed)
         one_of_many = found.probed > sensitive if several else found.noise > ROUNDED
         sound = found.converged & np.isfinite(found.omitted) & ~one_of_many
         good = sound & (error <= self.tol)
@@ -604,7 +606,6 @@ def _can_be_stacked(problem: Problem, times: Array, packed: Array) -> bool:
         and not structure.forced
         and problem.advance is None
         and not (problem.leads_to_rest or problem.on_surface)
-        and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())
     if not plain or late or problem.boundaries or system.switches or system.clock:

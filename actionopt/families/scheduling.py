@@ -15,6 +15,9 @@ from actionopt.tools.types import Array, NDInt
 FIRST_REACH = 0.5  # of the ranges, into which the first wave goes
 RETRY_DISTANCE = 0.75  # of its distance from a neighbour, at which a member is tried again
 MEMBER_TRIES = 4  # of a member, before it is left alone
+# Of a path's size, from where members between known ones were expected, at which all others are
+# tried together: Newton's method takes one factorization, and two steps with it.
+SURE = 1e-4
 STRICTLY = 1 - 1e-9  # less than a square: rounding
 DISTANCE_BATCH = 64  # points whose distances from all others are taken at once
 # How `weights` are found: neighbours for so many quantities, the kernel's width in units of the
@@ -48,6 +51,7 @@ class Front:
         self._tried = np.full(len(at), np.inf)  # what `near` was when it did not help
         self._tries = np.zeros(len(at), dtype=int)
         self._reach, self._growing, self._progress = FIRST_REACH, True, False
+        self._sure = False
         self._smallest = 0.5 / len(at)  # cells that hold one member each, in a row
 
     def learn(self, which: NDInt, points: Array, left: NDInt) -> None:
@@ -105,7 +109,9 @@ class Front:
             left & (near < RETRY_DISTANCE * self._tried) & (self._tries < MEMBER_TRIES)
         )
         while may.size:
-            if reach < self._smallest:  # everyone that is left, the nearest first
+            if self._sure:
+                chosen = may
+            elif reach < self._smallest:  # everyone that is left, the nearest first
                 chosen = may[near[may] <= self._around * near[may].min()]
             else:
                 chosen = may[near[may] <= (reach if self._growing else self._around * reach)]
@@ -126,9 +132,11 @@ class Front:
         self._reach = reach
         return may[:0]
 
-    def note_solved(self, tried: int, solved: int) -> None:
-        """Take note of how many were solved of how many that were tried."""
+    def note_solved(self, tried: int, solved: int, moved: float = np.inf) -> None:
+        """Take note of how many were solved of how many that were tried, and how far they moved."""
         self._progress |= solved > 0
+        # Nearer neighbours would tell no more of those in between.
+        self._sure = solved == tried and not self._growing and moved < SURE
         enough = 2 * solved >= tried
         self._reach *= 2 if enough and self._growing else 0.5
         self._growing &= enough

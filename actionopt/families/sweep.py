@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import SolveError
 from actionopt.discrete.path import Path
+from actionopt.discrete.stacks import coupled
 from actionopt.families.dispatch import Intake, check_executor, dispatch
 from actionopt.families.grid import Grid
 from actionopt.families.path_store import PackedPaths
@@ -41,8 +42,8 @@ if TYPE_CHECKING:
 
 # of a task, about: what is lost with a worker, and much beside what sending it takes
 TASK_SECONDS = 1.0
-# What a member takes, and each of its unknowns times coordinates. Measured, with 117 to 542
-# unknowns, to a factor of two.
+# What a member takes, and each of its unknowns times coordinates with which one is coupled.
+# Measured, with 117 to 542 unknowns, to a factor of two.
 MEMBER_SECONDS, UNKNOWN_SECONDS = 1e-4, 8e-7
 # The same for one with constraints or forces, solved near another one. Measured, with 30 to 7,340
 # unknowns of 1 to 40 coordinates, to a factor of two.
@@ -220,7 +221,9 @@ class _SweepRun:
             self.seeds = {first: path} if (path := self.walked[first]) else {}
         else:
             problem, unknowns = self.grid.problem, self._pilot()
-            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * problem.system.n
+            early, last = coupled(problem.system)
+            beside = np.mean(np.subtract(last, early)) + 1
+            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * float(beside)
             if alone := _alone_seconds(problem):
                 seconds = alone + ALONE_UNKNOWN_SECONDS * unknowns
             self.length = int(np.clip(TASK_SECONDS / seconds, 1, MOST_MEMBERS))

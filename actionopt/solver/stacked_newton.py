@@ -251,7 +251,7 @@ class _Arrived:
         )  # (P, n, E)
         probe[-1, :, :-1] = 0.0  # nodes between elements once
         size = POLYNOMIAL_ROUNDOFF * self.factored.largest
-        return probe[shape.order].reshape(shape.places, shape.E)[:, :, None] * size
+        return probe.reshape(shape.places, shape.E)[shape.ordered, :, None] * size
 
 
 def _sizes(Q: Array) -> tuple[Array, Array]:
