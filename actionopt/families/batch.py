@@ -222,9 +222,10 @@ class _Members:
                     if not self.decided[i]:
                         found = self._solve(i, self._expect(i, near), next(reversed(near)))
                     if found is not None and found.success:
-                        near[i] = found
-                        if len(near) > FOLLOWED:
-                            del near[next(iter(near))]
+                        *_, last = near.values()
+                        alike = _have_one_shape(found.mesh, last.mesh)
+                        kept = list(near.items())[1 - FOLLOWED :] if alike else []
+                        near = dict([*kept, (i, found)])
             return
         for i in given:
             if i != first:
@@ -317,15 +318,14 @@ class _Members:
     def _expect(self, i: int, near: Mapping[int, Solution]) -> Solution:
         """Return the last of the members `near` with the path that all lead to expect of another.
 
-        Those whose meshes are of one shape are asked.
+        Their meshes are of one shape.
         """
         *_, last = near.values()
-        alike = [k for k, other in near.items() if _have_one_shape(other.mesh, last.mesh)]
-        apart = self.at[alike] - self.at[i]
+        apart = self.at[list(near)] - self.at[i]
         radius = np.sqrt((apart**2).sum(axis=1).max())
         share = weights(apart[None] / (radius if radius > SAME_MEMBER else 1.0))[0]
-        values = sum(w * near[k].path.values for w, k in zip(share, alike, strict=True))
-        lam = sum(w * near[k].lam for w, k in zip(share, alike, strict=True))
+        values = np.tensordot(share, [other.path.values for other in near.values()], 1)
+        lam = np.tensordot(share, [other.lam for other in near.values()], 1)
         return replace(last, path=Path(last.mesh, values), lam=lam)
 
     def _hold(self, i: int, found: Solution) -> None:
