@@ -60,9 +60,24 @@ FAMILIES = {
         {"mu": np.linspace(0.9, 1.1, 40), ("end", "y"): 0.3 + 0.1 * np.sin(np.arange(40.0))},
     ),
     "free end": lambda: _free(),
+    "closed": lambda: (
+        driven(),
+        {"a": np.linspace(0.1, 0.4, 40), "t1": 4 + np.linspace(0, 0.1, 40)},
+    ),
     "lattice": lambda: (row(9, 1.0), {"beta": np.linspace(0.1, 0.2, 40)}),
     "long lattice": lambda: (row(9, 3.2), {"beta": np.linspace(0.1, 0.2, 40)}),
 }
+
+
+def driven():
+    """A motion in the plane that answers a force: closed, of a period that is given."""
+
+    def lagrangian(q, v, t, *, a):
+        kept = 1 - np.cos(q[0]) + q[1] ** 2 + q[0] * q[1] / 3
+        return v @ v / 2 - kept + a * (q[0] * np.cos(2 * t) + v[1] * q[0] / 5)
+
+    system = ao.System(lagrangian, ["x", "y"], parameters={"a": 0.3})
+    return ao.Problem(system, ao.Event(0.0, None), ao.Periodic(4.0))
 
 
 def row(n, T):

@@ -127,6 +127,8 @@ class StackShape:
     units : (n,) array
         Of the coordinates.
     action_unit : float
+    closed : bool
+        Whether the last node is the first one again, of which nothing is given.
     """
 
     def __init__(
@@ -136,8 +138,10 @@ class StackShape:
         free: tuple[tuple[int, ...], tuple[int, ...]],
         units: Array,
         action_unit: float,
+        *,
+        closed: bool = False,
     ) -> None:
-        self.system, self.mesh, self.free = system, mesh, free
+        self.system, self.mesh, self.free, self.closed = system, mesh, free, closed
         self.units, self.action_unit = units, action_unit
         self.rule: Rule = lgl(mesh.degrees[0])
         self.E, self.P, self.n = mesh.elements, mesh.degrees[0] + 1, system.n
@@ -151,7 +155,8 @@ class StackShape:
 
     def on(self, mesh: Mesh) -> StackShape:
         """Return the shape of the same members on another mesh."""
-        return StackShape(self.system, mesh, self.free, self.units, self.action_unit)
+        units = self.units, self.action_unit
+        return StackShape(self.system, mesh, self.free, *units, closed=self.closed)
 
     def pinned_coordinates(self, node: int) -> list[int]:
         """Return the coordinates that are given at a node between elements."""
@@ -211,7 +216,7 @@ class StackShape:
     @property
     def held(self) -> bool:
         """Whether there are no nodes but those inside one element, and ends that are given."""
-        return self.E == 1 and not any(self.free)
+        return self.E == 1 and not (any(self.free) or self.closed)
 
     @property
     def pays(self) -> bool:
@@ -611,13 +616,34 @@ class Factored:
             if e < s.E:
                 carry = ends[n:, n:, e] - np.einsum("iab,icb->acb", beside, response)
             self.levels.append((inverse, response))
+        if s.closed:
+            self._close(ends)
+
+    def _close(self, ends: Array) -> None:
+        """Find how all nodes between elements move with the one where the path closes.
+
+        That one is held at the start and at the end of `ends`, the elements' matrices.
+        """
+        n = self.shape.n
+        rows = np.triu_indices(n, 1)
+        for here in (ends[:n, :n], ends[n:, n:]):  # only the upper rows are there
+            here[rows[::-1]] = here[rows]
+        ends[n:, :n] = ends[:n, n:].swapaxes(0, 1)
+        fields = np.zeros((2 * n, n, *ends.shape[2:]))
+        fields[:n, :, 0] = fields[n:, :, -1] = np.eye(n)[..., None]
+        pull = np.einsum("ijec,jkec->ikec", ends, fields)
+        self._between(moved := -pull)
+        self.fields = fields = moved + fields
+        joint = np.einsum("ijec,ikec->jkc", fields, np.einsum("ijec,jkec->ikec", ends, fields))
+        self.joint, negative = _invert(joint)
+        self.negative = self.negative + negative
 
     def solve(self, right: Array) -> Array:
         """Return the solution for elements' right-hand sides, in their memory.
 
         One or several, (places, ..., E, C).
         """
-        s, n = self.shape, self.shape.n
+        s = self.shape
         inner = right.reshape(*right.shape[:-2], -1)
         _forward(self.M, self.inverse, inner, s.band)
         ends = right[s.inner :]  # (2 n, ..., E, C)
@@ -625,7 +651,18 @@ class Factored:
             ends[...] = 0.0
             _backward(self.M, self.inverse, inner, s.band)
             return right
-        kept = []
+        if s.closed:
+            joint = np.einsum("ijec,i...ec->j...c", self.fields, ends)
+            self._between(ends)
+            ends += np.einsum("ijec,j...c->i...ec", self.fields, _times(self.joint, joint))
+        else:
+            self._between(ends)
+        _backward(self.M, self.inverse, inner, s.band)
+        return right
+
+    def _between(self, ends: Array) -> None:
+        """Solve for the nodes between elements in place, (2 n, ..., E, C)."""
+        s, n, kept = self.shape, self.shape.n, []
         beyond = np.zeros_like(ends[:n, ..., 0, :])
         for e, (inverse, response) in enumerate(self.levels):
             r = beyond + ends[:n, ..., e, :] if e < s.E else beyond
@@ -640,8 +677,6 @@ class Factored:
             ends[n:, ..., e, :] = later
             later = kept[e] - _times(self.levels[e][1], later)
             ends[:n, ..., e, :] = later
-        _backward(self.M, self.inverse, inner, s.band)
-        return right
 
     def responses(self) -> Array:
         """Return how nodes move with one end coordinate of their element, (places, 2 n, E C)."""

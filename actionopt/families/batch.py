@@ -373,8 +373,10 @@ class _Members:
         ends, tr = (self.problem.start, self.problem.end), solution.discrete.tr
         start, end = (tuple(set(range(tr.lengths.size)) - set(e.pinned)) for e in ends)
         size = sizes(solution.path.values.T, self.problem.scales)
-        mesh = even(solution.path, size, self._target)
-        shape = StackShape(self.problem.system, mesh, (start, end), tr.lengths, tr.action_unit)
+        mesh = self._mesh(solution.path, size)
+        closed = self.problem.advance is not None
+        free, units = ((), ()) if closed else (start, end), (tr.lengths, tr.action_unit)
+        shape = StackShape(self.problem.system, mesh, free, *units, closed=closed)
         if not (shape.pays and self._add_level(i, solution.path, shape)):
             return False
         self.seeds = np.zeros((len(self.status), mesh.offsets[-1] + 1, shape.n))
@@ -382,10 +384,14 @@ class _Members:
         self.sheet[i] = 0
         return True
 
-    @property
-    def _target(self) -> float:
-        """The largest coefficient that a mesh may leave out of the path that it is made for."""
-        return MESH_MARGIN * self.tol / (2 * SAFETY)
+    def _mesh(self, path: Path, size: Array) -> Mesh:
+        """Return a mesh of one degree for members like a path, in units of `size`.
+
+        It may leave out a part of what the tolerance allows. A path that closes has two elements.
+        """
+        mesh = even(path, size, MESH_MARGIN * self.tol / (2 * SAFETY))
+        few = self.problem.advance is not None and mesh.elements == 1
+        return Mesh([0.0, 0.5, 1.0], mesh.degrees[0]) if few else mesh
 
     def _add_level(self, i: int, path: Path, shape: StackShape) -> bool:
         """Add a mesh that resolves the path of a member; False if it cannot be followed there.
@@ -470,7 +476,7 @@ class _Members:
             return False
         mesh = there.mesh.moved(*self.times[i[0]].tolist())
         path = Path(mesh, found.Q[0].T)
-        mesh = even(path, sizes(found.Q[0], self.problem.scales), self._target)
+        mesh = self._mesh(path, sizes(found.Q[0], self.problem.scales))
         return self._add_level(int(i[0]), path, shape.on(mesh))
 
     def _judge(self, level: int, which: NDInt, found: FollowedStack) -> NDInt:
@@ -587,7 +593,15 @@ class _Members:
         Q += (1 - s) * miss[:, :1] + s * miss[:, 1:]
         pinned = np.isfinite(self.ends[which])
         Q[:, [0, -1]] = np.where(pinned, self.ends[which], Q[:, [0, -1]])
+        if self.problem.advance is not None:
+            Q[:, -1] = Q[:, 0] + self.problem.advance
         return Q
+
+
+def _has_clock_alone(problem: Problem) -> bool:
+    """Whether a path that closes has a clock, and nothing else tells where it begins."""
+    kept = problem.order == tuple(range(problem.system.n))
+    return kept and not problem.may_be_shifted and not problem.start.pinned
 
 
 def _have_one_shape(a: Mesh, b: Mesh) -> bool:
@@ -604,7 +618,7 @@ def _can_be_stacked(problem: Problem, times: Array, packed: Array) -> bool:
     plain = (
         system.m == system.r == 0
         and not structure.forced
-        and problem.advance is None
+        and (problem.advance is None or _has_clock_alone(problem))
         and not (problem.leads_to_rest or problem.on_surface)
     )
     late = structure.depends_on_time and bool(far.any())

@@ -249,7 +249,7 @@ class _Arrived:
         probe = np.sin(1.0 + np.arange(shape.n))[:, None] * np.exp(
             2 * node[:, None] / (shape.mesh.offsets[-1] + 1)
         )  # (P, n, E)
-        probe[-1, :, :-1] = 0.0  # nodes between elements once
+        probe[-1, :, : None if shape.closed else -1] = 0.0  # nodes between elements once
         size = POLYNOMIAL_ROUNDOFF * self.factored.largest
         return probe.reshape(shape.places, shape.E)[shape.ordered, :, None] * size
 
