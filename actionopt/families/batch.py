@@ -607,7 +607,7 @@ def _has_clock_alone(problem: Problem) -> bool:
 def _have_one_shape(a: Mesh, b: Mesh) -> bool:
     """Whether two meshes are one, but for their times."""
     same = a.degrees == b.degrees
-    return same and np.array_equal(a.since / a.duration, b.since / b.duration)
+    return same and bool((a.since / a.duration == b.since / b.duration).all())
 
 
 def _can_be_stacked(problem: Problem, times: Array, packed: Array) -> bool:
