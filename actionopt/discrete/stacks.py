@@ -39,7 +39,7 @@ PROGRAMS = "value", "gradient", "second", "slopes", "balance"
 # Numbers in the matrices, and in what is evaluated at once, of members that are worked on at a
 # time: so little memory, that is used again. Measured: half or twice as many take a tenth longer.
 MATRICES, VALUES = 2**20, 2**17
-WHOLE = 2**23  # numbers in the matrices with those that are never touched; ad hoc, 64 MB
+WHOLE_MATRICES = 2**23  # numbers in the matrices with those that are never touched; ad hoc, 64 MB
 # Members at a time from where on, and multiplications for each unknown up to which, this is faster
 # than `solve` for each. FEWEST is ad hoc. WORK measured: pendulums of 12 links take as long either
 # way, those of 10 links a tenth less together.
@@ -80,7 +80,7 @@ class Band(NamedTuple):
 
         With rows and columns of their `ends`, or those of the nodes inside alone.
         """
-        n, (early, last) = system.n, coupled(system)
+        n, (early, last) = system.n, couplings(system)
         places, inner = (inside + 2) * n, inside * n
         first, beyond = [], []
         for a in range(n):
@@ -211,17 +211,17 @@ class StackShape:
     @cached_property
     def band(self) -> Band:
         """Where the elements' matrices have entries."""
-        return Band.of(self.system, self.P - 2, ends=not self.held)
+        return Band.of(self.system, self.P - 2, ends=not self.has_given_ends)
 
     @property
-    def held(self) -> bool:
+    def has_given_ends(self) -> bool:
         """Whether there are no nodes but those inside one element, and ends that are given."""
         return self.E == 1 and not (any(self.free) or self.closed)
 
     @property
     def pays(self) -> bool:
         """Whether many members take less time together than one by one."""
-        fit = self.E * self.places**2 * FEWEST <= WHOLE
+        fit = self.E * self.places**2 * FEWEST <= WHOLE_MATRICES
         return fit and self.band.work <= WORK * self.inner
 
     def assemble(self, M: Array, coefficients: list[Array]) -> None:
@@ -262,7 +262,7 @@ class StackShape:
         """Return so many members in parts that are worked on at a time."""
         most = min(
             MATRICES // (self.E * self.band.size),
-            WHOLE // (self.E * self.places**2),
+            WHOLE_MATRICES // (self.E * self.places**2),
             VALUES // (self.points * self.n),
             MOST_AT_ONCE,
         )
@@ -594,7 +594,7 @@ class Factored:
         self.inverse = _eliminate(M, s.inner, s.band)
         self.negative = _negative(self.inverse.reshape(s.inner * s.E, -1))
         # Nothing is beyond ends that are given.
-        levels = range(0 if s.held else s.E + 1)
+        levels = range(0 if s.has_given_ends else s.E + 1)
         ends = M[s.inner :, s.inner :].reshape(2 * n, 2 * n, s.E, -1)
         # The nodes between elements in turn: inverse pivots, and these times what is beside them.
         self.levels: list[tuple[Array, Array]] = []
@@ -647,7 +647,7 @@ class Factored:
         inner = right.reshape(*right.shape[:-2], -1)
         _forward(self.M, self.inverse, inner, s.band)
         ends = right[s.inner :]  # (2 n, ..., E, C)
-        if s.held:
+        if s.has_given_ends:
             ends[...] = 0.0
             _backward(self.M, self.inverse, inner, s.band)
             return right
@@ -683,7 +683,7 @@ class Factored:
         s = self.shape
         found = np.zeros((s.places, 2 * s.n, self.M.shape[2]))
         found[s.inner + np.arange(2 * s.n), np.arange(2 * s.n)] = 1.0
-        if s.held:
+        if s.has_given_ends:
             for rows, cols in s.band.beside:
                 found[rows, slice(cols.start - s.inner, cols.stop - s.inner)] = -self.M[rows, cols]
             _forward(self.M, self.inverse, found, s.band)
@@ -717,7 +717,7 @@ def compile_function(system: System, name: str) -> Columns:
     return system.memoize(f"program {name}", build)
 
 
-def coupled(system: System) -> tuple[list[int], list[int]]:
+def couplings(system: System) -> tuple[list[int], list[int]]:
     """Return the first and the last coordinate with which each is coupled as it is eliminated.
 
     In their order, so that the first, and the last, of a later one is no earlier.

@@ -65,7 +65,7 @@ OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 MESH_LEVELS = 4  # meshes that a member is tried on, each finer
 INDEX_MESHES = 4  # on which indices are counted together
-FOLLOWED = 6  # members before one that is solved alone, by which its path is expected
+MEMBERS_BEFORE = 6  # members before one that is solved alone, by which its path is expected
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 # Amplified round-off, as it is and against a mesh's first member, from where on `solve` is to count
 # whether a member is one of a family. Measured: of 400 families in all directions 2.4e-7 and more.
@@ -224,7 +224,7 @@ class _Members:
                     if found is not None and found.success:
                         *_, last = near.values()
                         alike = _have_one_shape(found.mesh, last.mesh)
-                        kept = list(near.items())[1 - FOLLOWED :] if alike else []
+                        kept = list(near.items())[1 - MEMBERS_BEFORE :] if alike else []
                         near = dict([*kept, (i, found)])
             return
         for i in given:

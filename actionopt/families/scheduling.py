@@ -17,7 +17,7 @@ RETRY_DISTANCE = 0.75  # of its distance from a neighbour, at which a member is 
 MEMBER_TRIES = 4  # of a member, before it is left alone
 # Of a path's size, from where members between known ones were expected, at which all others are
 # tried together: Newton's method takes one factorization, and two steps with it.
-SURE = 1e-4
+SURELY_EXPECTED = 1e-4
 STRICTLY = 1 - 1e-9  # less than a square: rounding
 DISTANCE_BATCH = 64  # points whose distances from all others are taken at once
 # How `weights` are found: neighbours for so many quantities, the kernel's width in units of the
@@ -136,7 +136,7 @@ class Front:
         """Take note of how many were solved of how many that were tried, and how far they moved."""
         self._progress |= solved > 0
         # Nearer neighbours would tell no more of those in between.
-        self._sure = solved == tried and not self._growing and moved < SURE
+        self._sure = solved == tried and not self._growing and moved < SURELY_EXPECTED
         enough = 2 * solved >= tried
         self._reach *= 2 if enough and self._growing else 0.5
         self._growing &= enough

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import SolveError
 from actionopt.discrete.path import Path
-from actionopt.discrete.stacks import coupled
+from actionopt.discrete.stacks import couplings
 from actionopt.families.dispatch import Intake, check_executor, dispatch
 from actionopt.families.grid import Grid
 from actionopt.families.path_store import PackedPaths
@@ -221,7 +221,7 @@ class _SweepRun:
             self.seeds = {first: path} if (path := self.walked[first]) else {}
         else:
             problem, unknowns = self.grid.problem, self._pilot()
-            early, last = coupled(problem.system)
+            early, last = couplings(problem.system)
             beside = np.mean(np.subtract(last, early)) + 1
             seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * float(beside)
             if alone := _alone_seconds(problem):

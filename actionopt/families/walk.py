@@ -21,7 +21,7 @@ from actionopt.tools.interrupts import ordinary_errors
 
 # Ad hoc, all: the numbers of steps, the accuracy on the way, what is the same at the end, and by
 # which part of a step a path may leave the line on which it went.
-WALK_STEPS, WALK_TOL, SAME_END, BEND = (2, 4, 8, 16, 32), 1e-4, 1e-3, 0.1
+WALK_STEPS, WALK_TOL, SAME_END, WALK_BEND = (2, 4, 8, 16, 32), 1e-4, 1e-3, 0.1
 
 Values = Mapping[Name, float]
 
@@ -87,7 +87,7 @@ def _bends(before: Path, here: Path, there: Path) -> bool:
     last = Path(there.mesh.moved(*here.mesh.boundaries[[0, -1]].tolist()), there.values)
     off = np.abs(last.on(here.mesh).values - _ahead(before, here).values).max()
     step = np.abs(last.on(here.mesh).values - here.values).max()
-    return bool(off > BEND * step + SAME_END * np.abs(here.values).max())
+    return bool(off > WALK_BEND * step + SAME_END * np.abs(here.values).max())
 
 
 def _alike(a: Solution, b: Solution) -> bool:
