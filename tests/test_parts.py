@@ -450,14 +450,17 @@ def test_a_curve_goes_on_in_the_direction_it_came_from():
 
 def test_velocities_between_which_the_end_is_passed_are_halved(monkeypatch):
     search: Any = object.__new__(searches.Answers)
-    ends = [fake(turns=(k,), problem=fake(end=fake(q=[q]))) for k, q in enumerate((0.0, 3.0))]
-    vars(search).update(problem=None, classes=ends, tell=lambda *_: None)
+    ends = [
+        fake(turns=(k,), problem=fake(end=fake(q=[q], t=1.0))) for k, q in enumerate((0.0, 3.0))
+    ]
+    vars(search).update(problem=fake(system=fake(m=0)), classes=ends, tell=lambda *_: None)
+    monkeypatch.setattr(searches, "directions", lambda problem, q, t: np.eye(1))
     search._arrivals = lambda classes, v0: zip(classes, v0[0], strict=True)
     monkeypatch.setattr(searches, "shoot", lambda problem, v0: v0**2 - 1)
-    found = [(c.turns[0], v) for c, v in search._bracket(np.linspace(-3.05, 3.0, 21))]
+    found = [(c.turns[0], v) for c, v in search._bracket(np.linspace(-3.05, 3.0, 21)[None])]
     assert [k for k, _ in found] == [0, 0, 1, 1]
     np.testing.assert_allclose([v for _, v in found], [-1.0, 1.0, -2.0, 2.0], atol=1e-3)
-    assert not list(search._bracket(np.linspace(4.0, 5.0, 3)))
+    assert not list(search._bracket(np.linspace(4.0, 5.0, 3)[None]))
 
 
 def test_an_end_is_of_the_class_of_its_turns():

@@ -139,6 +139,8 @@ def _acceleration(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     if not system.m and system.has_diagonal_mass:
         mass, bias = system.pointwise("even_motion")(*state)
         return np.array((bias / mass).T, dtype=float).reshape(shape)
+    if system.has_constrained_motion:
+        return np.array(system.pointwise("constrained_motion")(*state)[0].T).reshape(shape)
     try:
         a = solve_motion(*system.pointwise("motion")(*state))[:, :n]
     except np.linalg.LinAlgError:  # one singular motion spoils the batch
@@ -242,9 +244,9 @@ def aim(problem: Problem, v0: Array, targets: Array) -> tuple[Array, NDInt]:
     takes damped Newton steps of its own, least squares where constraints leave fewer velocities
     than coordinates.
     """
-    q = np.array([problem.start.q], dtype=float)
-    basis = tangent(problem, q, np.array([[problem.start.t]]), np.ones(len(v0)))[0]
-    apart = np.abs(targets - np.array(problem.start.q, dtype=float)[:, None])
+    q = np.array(problem.start.q, dtype=float)
+    basis = directions(problem, q, problem.start.t)
+    apart = np.abs(targets - q[:, None])
     unit = np.maximum(problem.lengths, np.max(apart, axis=1))[:, None, None]
 
     def gap(v: Array, which: NDInt) -> Array:
@@ -357,13 +359,18 @@ def speeds(problem: Problem, far: Array) -> tuple[Array, Array]:
 
 
 def velocities(problem: Problem, far: Array, count: int, rng: np.random.Generator) -> Array:
-    """Return initial velocities (n, count) in all directions, from slow to fast."""
+    """Return initial velocities (n, count) in all directions, from slow to fast.
+
+    Of one degree of freedom they are in order, from the fastest one way to the fastest the other.
+    """
     scales, units = speeds(problem, far)
-    if problem.system.n == 1:
+    if problem.system.degrees_of_freedom == 1:
         fastest = 2.5 * np.max(scales)
         speed = np.geomspace(np.min(scales) / 4, fastest, count // 4)
         even = np.linspace(-fastest, fastest, count - 2 * speed.size)
-        return np.sort(np.concatenate([speed, -speed, even]))[None, :] * units[0]
+        along = directions(problem, np.array(problem.start.q, dtype=float), problem.start.t)
+        speed = np.sort(np.concatenate([speed, -speed, even])) * np.max(units)
+        return on_constraints(problem, along * speed)
     speed = rng.choice(scales, count) * np.exp(rng.uniform(np.log(0.3), np.log(2.0), count))
     return in_directions(problem, units[:, None] * speed, rng)
 
@@ -406,10 +413,21 @@ def in_directions(problem: Problem, speed: Array, rng: np.random.Generator) -> A
     else:
         direction = rng.standard_normal((system.n, speed.shape[1]))
         v = speed * direction / np.linalg.norm(direction, axis=0)
-    if system.m:
-        q, t = np.array(problem.start.q, dtype=float), problem.start.t
-        G = system.constraint_jacobian(q, t, parameters=problem.parameters)
-        rate = system.pointwise("constraint_rate")
-        drift = rate(q[None], np.array([[t]]), problem.packed)[0][0]
-        v = v - np.linalg.pinv(G) @ (G @ v + drift[:, None])
-    return v
+    return on_constraints(problem, v)
+
+
+def directions(problem: Problem, q: Array, t: float) -> Array:
+    """Return the directions (n, n - m) of motion that the constraints leave at q (n,), t."""
+    return tangent(problem, q[None], np.array([[t]]), np.ones(len(q)))[0]
+
+
+def on_constraints(problem: Problem, v: Array) -> Array:
+    """Return velocities v (n, K) at the start, changed so that they move with the constraints."""
+    system = problem.system
+    if not system.m:
+        return v
+    q, t = np.array(problem.start.q, dtype=float), problem.start.t
+    G = system.constraint_jacobian(q, t, parameters=problem.parameters)
+    rate = system.pointwise("constraint_rate")
+    drift = rate(q[None], np.array([[t]]), problem.packed)[0][0]
+    return v - np.linalg.pinv(G) @ (G @ v + drift[:, None])

