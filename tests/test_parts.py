@@ -759,7 +759,7 @@ def test_forward_motions_are_tried_where_ends_are_given(monkeypatch):
     for nothing in (search(pinned=1), search(freedom=0)):
         assert not list(shots(nothing, 9))
     assert not list(shots(search(), 3))
-    ((how, v0),) = shots(search(n=1, pinned=1), 5)
+    ((how, v0),) = shots(search(n=1, pinned=1, freedom=1), 5)
     assert (how, v0.size) == ("bracket", 20)
     known = [(fake(start=fake(v=np.array([3.0, 4.0]))), (), "")]
     made = search(found=known)
