@@ -45,15 +45,6 @@ def test_modes_of_a_lattice(solution):
     np.testing.assert_allclose(overlap, np.eye(5), atol=1e-8)
 
 
-def test_sign_of_an_eigenvalue_with_many_below(solution):
-    index = solution.morse_index
-    below = int(sum(np.floor(SPEEDS * T / np.pi)))
-    assert index == below > modes.MANY_LOWER
-    at = solution.discrete
-    signs = [modes.sign_of(at, solution.error, 1e-6, k) < 0 for k in (0, below - 1, below)]
-    assert signs == [True, True, False]
-
-
 def test_second_derivatives_of_a_lattice(solution):
     assert assemble(solution.discrete, solution.error, 1e-8) is not None
     found = solution.sensitivity()

@@ -11,8 +11,9 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.arclength import Branch, BranchPoint
+from actionopt.families.branch_points import branch_points
 from actionopt.families.marks import Step, locate
-from actionopt.families.trace import FOLD_SLOPE, POLE_SIZE, _TraceRun, trace
+from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
 from actionopt.families.vary import slope, with_values
 
 OSCILLATOR = ao.System(
@@ -165,6 +166,34 @@ def test_a_change_of_index_where_another_branch_crosses():
     assert found.values[-1] == 4.0
 
 
+def test_changes_of_the_index_take_a_few_factorizations_each():
+    """Eigenvalues of the oscillators' motions from rest to rest vanish at T = pi / w."""
+    w = np.array([1.1, 1.0])
+    system = ao.System(lambda q, v, t: (v @ v - (w * q) @ (w * q)) / 2, ["x", "y"])
+    ends = ao.Event(0.0, [0.0, 0.0]), ao.Event(2.7, [0.0, 0.0])
+    found = trace(ao.Problem(system, *ends), "t1", 3.3)
+    assert [(m.before, m.after) for m in found.marks] == [(0, 1), (1, 2)]
+    assert [m.value for m in found.marks] == pytest.approx(np.pi / w, abs=1e-9)
+    assert found.stats["factorizations"] < 40
+
+
+def test_branches_that_miss_each_other_have_no_mark():
+    """From (e, 0) to (-e, e) the resonance of y is met at pi, with a force of about e."""
+    system = systems.oscillator("x y")
+    ends = ao.Event(0.0, [0.1, 0.0]), ao.Event(2.9, [-0.1, 3e-4])
+    asked = ao.solve(ao.Problem(system, *ends))
+    lengths = asked.discrete.tr.lengths
+    branch = Branch(
+        lambda T: asked.problem.replace(end=ao.Event(T, ends[1].q)), asked.mesh, (), lengths, 1.0
+    )
+    far = branch.to(branch.first(asked.discrete.z, 2.9, 1.0), 3.4)
+    assert far is not None
+    sides = (asked.discrete.z, 2.9), (far.z, 3.4)
+    assert branch_points(branch, sides[0], sides[1], 2, 1e-5) is None
+    found = branch_points(branch, sides[0], sides[1], 2, 1.0)
+    assert found is not None and [p.s for p in found] == pytest.approx([np.pi] * 2)
+
+
 class Line:
     """A branch that is a straight line, s along it."""
 
@@ -196,19 +225,8 @@ class Line:
 )
 def test_roots_along_a_branch(function, root):
     line = Line()
-    found = locate(line, line.here, 1.0, function, 0.0)
+    found = locate(line, line.here, 1.0, function)
     assert found.s == pytest.approx(root, abs=1e-11)
-
-
-def test_where_no_step_leads_its_ends_are_sought_no_better_than_it_is_wide():
-    class Torn(Line):
-        def step(self, point, length):
-            asked.append(length)
-            return None if 0.4 < length < 0.6 else super().step(point, length)
-
-    line, asked = Torn(), []
-    found = locate(line, line.here, 1.0, lambda p: p.s - 0.52, 0.0)
-    assert found.s == pytest.approx(0.52, abs=1e-12) and len(asked) < 16
 
 
 def test_a_step_is_no_longer_than_the_branch_is_straight():
@@ -551,18 +569,6 @@ def test_a_trace_ends_where_there_is_no_further_question():
     assert found.actions == pytest.approx(found.values**2)
     assert ao.trace(family(0.5), family, 1.0, start=0.5).stopped == "it reached the goal"
     assert ao.trace(family(1.0), family, 0.5, start=1.0).stopped == "it reached the goal"
-
-
-def test_what_changes_its_sign_along_a_branch():
-    at = SimpleNamespace(problem=SimpleNamespace(is_course=True))
-    run = SimpleNamespace(_index=lambda point: 2)
-    assert _TraceRun._sign(run, 1, SimpleNamespace(tr=None, at=at)) == 0.5
-    assert _TraceRun._sign(run, 2, SimpleNamespace(tr=None, at=at)) == -0.5
-    run = SimpleNamespace(branch=SimpleNamespace(range=2.0))
-    slopes = (np.array([1.0, x * FOLD_SLOPE * 2.0]) for x in (-0.9, -1.1))
-    flat, steep = (SimpleNamespace(direction=slope) for slope in slopes)
-    assert [_TraceRun._is_fold(run, p, 2) for p in (flat, steep)] == [True, False]
-    assert not _TraceRun._is_fold(run, flat, 1)
 
 
 @pytest.mark.parametrize("T", [1.0, 3.0, 4.0])

@@ -28,7 +28,6 @@ from actionopt.tools.types import Array, NDInt
 
 DENSE_EIGENPROBLEM = 600  # free variations up to which all eigenvalues are computed at once; ad hoc
 ASSEMBLED = 300  # free variations from which one sparse matrix takes less time. Measured
-MANY_LOWER = 4  # eigenvalues below one that is sought: to count them takes less; ad hoc
 SETTLED_VALUES = 1e-10  # of the largest, how far eigenvalues move that have settled; ad hoc
 NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are round-off; ad hoc
 KRYLOV_BLOCKS = 9  # with one shift: a factorization costs some of them; ad hoc
@@ -151,19 +150,6 @@ def assemble_if_large(first: DiscretePath, error: float, resolution: float) -> A
     if first.tr.layout.unknowns - first.tr.layout.rows < ASSEMBLED:
         return None
     return assemble(first, error, resolution)
-
-
-def sign_of(at: DiscretePath, error: float, resolution: float, k: int) -> float:
-    """Return a number with the sign of the k-th lowest eigenvalue of d2S: as a rule, itself.
-
-    Where very many are lower their number tells, of one matrix: half of one more, or less, than k.
-    """
-    form = assemble_if_large(at, error, resolution)
-    if form is None:
-        return lowest(resolve(at, error, resolution), k + 1)[0][k]
-    if k < MANY_LOWER:
-        return _Assembled(form, form.at.tr.lengths).lowest(k + 1)[0][k]
-    return k + 0.5 - (form.factors.negative() - form.at.tr.layout.rows)
 
 
 def lowest(form: Form, count: int) -> tuple[Array, Array]:

@@ -14,26 +14,19 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from actionopt.discrete.arclength import STRAIGHT_STEP, Branch, BranchPoint
+from actionopt.discrete.arclength import Branch, BranchPoint
 from actionopt.discrete.path import Path
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 
 LOCATED = 1e-12  # change of arclength that ends the search for a point
 LOCATE_STEPS = 60
-# From where a step fails to where it does not: how near it is tried first, and halvings; ad hoc.
-STEP_ASIDE, STEP_HALVINGS = 1e-3, 10
-# How well the ends of a part in which no step leads on are known, of its half width: what is
-# interpolated across it is known no better. Ad hoc.
-GAP_EDGE = 1 / 8
 # Two folds nearer together than this part of the range of s are no pair. Ad hoc, far above what
 # `arclength.LAST_CORRECTION` leaves in s; at a cusp, where ds/dsigma touches 0, met in ten steps.
 FOLDS_APART = 1e-6
 # How far the cubic of a step may be off, in parts of how far ds/dsigma bends within it, and how far
 # from where it turns s may turn, in parts of the step. Ad hoc.
 UNSURE_SLOPE, UNSURE_FOLD = 0.5, 0.1
-# ds/dsigma, of the range of s, that is zero at a point located to LOCATED; ad hoc
-FOLD_SLOPE = 1e-6
 
 
 @immutable
@@ -130,16 +123,11 @@ class StepTrial(NamedTuple):
 
 
 def locate(
-    branch: Branch,
-    here: BranchPoint,
-    length: float,
-    function: Callable[[BranchPoint], float],
-    gap: float,
+    branch: Branch, here: BranchPoint, length: float, function: Callable[[BranchPoint], float]
 ) -> BranchPoint | None:
     """Return the point within `length` of `here` at which `function` vanishes (Illinois).
 
-    Where another branch crosses there, no step leads to it: it is interpolated. None where steps
-    lead to another branch instead, farther away than `gap`.
+    None where no steps lead to it.
     """
 
     def trial_at(length: float) -> StepTrial | None:
@@ -156,41 +144,16 @@ def locate(
         if b - a < LOCATED or min(abs(low.value), abs(high.value)) <= 1e-13 * last:
             break
         length = (a * at_high - b * at_low) / (at_high - at_low)
-        length = length if a < length < b else (a + b) / 2
-        trial = trial_at(length)
+        trial = trial_at(length if a < length < b else (a + b) / 2)
         if trial is None:
-            low, high = (_beside(trial_at, length, end) for end in (low, high))
-            break
+            return None
         if trial.value * high.value > 0:
             at_low = at_low / 2 if side == 1 else at_low
             high, at_high, side = trial, trial.value, 1
         else:
             at_high = at_high / 2 if side == -1 else at_high
             low, at_low, side = trial, trial.value, -1
-    apart = np.r_[high.point.z - low.point.z, high.point.s - low.point.s]
-    if branch.norm(here.tr, apart) > (high.length - low.length) / STRAIGHT_STEP + gap:
-        return None
     part = low.value / (low.value - high.value)
     z = low.point.z + part * (high.point.z - low.point.z)
     s = low.point.s + part * (high.point.s - low.point.s)
     return BranchPoint(branch.at(s), z, s, low.point.direction)
-
-
-def _beside(tried: Callable[[float], StepTrial | None], lost: float, end: StepTrial) -> StepTrial:
-    """Return the nearest point, on the side of `end`, to where no step leads.
-
-    Right beside a branch point as a rule, else by bisection.
-    """
-    first, length = lost, lost + STEP_ASIDE * (end.length - lost)
-    for k in range(STEP_HALVINGS):
-        found = tried(length)
-        if found is None or found.value * end.value <= 0:
-            lost = length
-        elif k == 0:
-            return found
-        else:
-            end = found
-        if abs(end.length - lost) < GAP_EDGE * abs(end.length - first):
-            break
-        length = (lost + end.length) / 2
-    return end

@@ -8,20 +8,20 @@ itself is located. At a fold two paths merge, and one is of index one more than 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
 
 import numpy as np
 
+from actionopt.analysis.assembled import assemble
 from actionopt.analysis.index import NEAR_ZERO, inertia_beside, inertia_of, inertia_through
 from actionopt.analysis.jacobi import finer, resolve
-from actionopt.analysis.modes import sign_of
 from actionopt.analysis.monodromy import transport_matrix
 from actionopt.analysis.regular import regular_index
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
-from actionopt.discrete.arclength import Branch, BranchPoint, switches_of
+from actionopt.discrete.arclength import STRAIGHT_STEP, Branch, BranchPoint, Discrete, switches_of
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import times_of
 from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
@@ -29,8 +29,10 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
 from actionopt.families.branch import INTERRUPTED, Trace
-from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
+from actionopt.families.branch_points import branch_points
+from actionopt.families.marks import Mark, Step, locate
 from actionopt.families.vary import Name, present, with_values
 from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.problem import Problem
@@ -55,6 +57,8 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.25, 1e-7
 # What the mesh leaves out of Jacobi fields; derived: eigenvalues converge twice as fast, and only
 # their signs are asked for.
 TRACE_RESOLUTION = 1e-5
+# Times tol^(1/3), how far branches miss each other that are taken for ones that cross. Ad hoc.
+BRANCH_GAP = 3.0
 SHORTEST_TOLD = 1e-4  # a step that is halved no more to tell what changes within it
 GROWN_UNITS = 2.0  # times the units of the coordinates: then these grow along, and steps with them
 # A branch is infinite at a value where it has grown so many times, nearer to it than this part of
@@ -574,14 +578,13 @@ class _TraceRun:
             if not short and (along is None or not step.turns_at(along)):
                 return None
             marks.append(self._mark("fold", found or there, before, after))
-        else:
+        elif after != before:
+            found = self._branch_points(here, there, after - before)
+            if found is None and not short:
+                return None
             way = 1 if after > before else -1
-            for low in range(before, after, way):
-                j = min(low, low + way)
-                found = self._locate(here, step, partial(self._sign, j))
-                if not short and (found is None or self._is_fold(found, changes)):
-                    return None
-                marks.append(self._mark("index", found or there, low, low + way))
+            for k, low in enumerate(range(before, after, way)):
+                marks.append(self._mark("index", found[k] if found else there, low, low + way))
 
         problem = there.at.problem
         has_multipliers = self.counting and problem.closes and not problem.system.m
@@ -594,25 +597,35 @@ class _TraceRun:
         sides = (before, after) if self.counting else (None, None)
         return Mark(kind, point.s, point.path, *sides, len(self.points) - 1)
 
-    def _sign(self, j: int, point: BranchPoint) -> float:
-        """Return what changes its sign where the index passes from j to j + 1."""
-        if isinstance(point.tr, Bordered) or point.at.problem.is_course:
-            return self._index(point) - j - 0.5
-        return sign_of(point.at, self.tol, TRACE_RESOLUTION, j)
-
     def _doubling(self, point: BranchPoint) -> float:
         """Return det(M + 1) of the monodromy matrix M, zero where a multiplier is -1."""
         M = transport_matrix(resolve(point.at, self.tol, TRACE_RESOLUTION))
         return float(np.linalg.det(M + np.eye(len(M))))
 
-    def _is_fold(self, point: BranchPoint, changes: int) -> bool:
-        """Whether one of several changes of the index is at a fold."""
-        return changes > 1 and abs(point.direction[-1]) < FOLD_SLOPE * self.branch.range
+    def _branch_points(
+        self, here: BranchPoint, there: BranchPoint, change: int
+    ) -> list[BranchPoint] | None:
+        """Return the points between two ones at which the index changes; None if there are none."""
+        branch, low, high = self.branch, here.z, there.z
+        if not (isinstance(there.tr, Bordered) or branch.arcs or there.at.problem.is_course):
+            form = assemble(there.at, self.tol, TRACE_RESOLUTION)
+            mesh = (form or resolve(there.at, self.tol, TRACE_RESOLUTION)).at.mesh
+            if mesh is not there.at.mesh:
+                branch = replace(branch, shape=mesh, like=None, slope=None, solves=0)
+                low, high = (self._on(branch.at(p.s), p) for p in (here, there))
+        # So far does an imperfection as large as `tol` part the branches of a pitchfork.
+        gap = BRANCH_GAP * self.tol ** (1 / 3)
+        return branch_points(branch, (low, here.s), (high, there.s), change, gap)
+
+    @staticmethod
+    def _on(tr: Discrete, point: BranchPoint) -> Array:
+        """Return the unknowns (size,) of the path of a point on another mesh over its times."""
+        assert isinstance(tr, Transcription)
+        return tr.pack(point.path.on(tr.mesh).values.T, point.at.rows_on(tr.mesh))
 
     def _locate(self, here: BranchPoint, step: Step, function) -> BranchPoint | None:
         """Return the point of the step at which `function` vanishes; None if there is none."""
-        # So far does an imperfection as large as `tol` part the branches of a pitchfork.
-        return locate(self.branch, here, step.length, function, self.tol ** (1 / 3))
+        return locate(self.branch, here, step.length, function)
 
     def result(self) -> Trace:
         """Return what is known so far."""
