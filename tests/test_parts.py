@@ -19,7 +19,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.families import all_paths, budget, searches, trace, vary
+from actionopt.families import all_paths, budget, searches, vary
 from actionopt.families.path_store import PackedPaths
 from actionopt.families.retry import retry_of
 from actionopt.mechanics import written as written_laws
@@ -671,16 +671,6 @@ def test_one_retry_is_told_from_another():
     assert len({tuple(x.items()) for x in seen}) == len(seen)
     assert all(x["tol"] == 1e-8 for x in seen)
     assert told(b"a", path) == told(b"a", Path(path.mesh, path.values.copy()))
-
-
-def test_the_sign_that_changes_with_the_index(monkeypatch):
-    marks: Any = fake(_index=lambda point: 3, tol=1e-8)
-    course = fake(tr=None, at=fake(problem=fake(is_course=True)))
-    path = fake(tr=None, at=fake(problem=fake(is_course=False)))
-    monkeypatch.setattr(trace, "sign_of", lambda at, tol, resolution, j: (at, tol, j))
-    sign: Any = trace._TraceRun._sign
-    assert [sign(marks, j, course) for j in (2, 3)] == [0.5, -0.5]
-    assert sign(marks, 1, path) == (path.at, 1e-8, 1)
 
 
 def test_what_ipopt_finds_at_a_bound_has_its_multiplier():
