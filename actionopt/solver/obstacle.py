@@ -67,9 +67,6 @@ SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that nee
 # contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
 # 72 walls of 1:100.
 STALLED_TIME = 1e-6
-# A finer tolerance, and the degree with which the first elements, which are short, may meet it.
-# Measured round balls: less leaves out 3e-9, and another mesh takes a third of the time.
-FINE_TOL, FINE_DEGREE = 1e-8, 8
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
 KINKED = (
@@ -202,8 +199,7 @@ class Along(Workspace[Iterate]):
                 both = (times - a) / (b - a) + turned / turned[-1]
                 cuts = np.interp(np.linspace(0.0, 2.0, count + 1), both, times)
             parts.append(np.append(cuts[1:-1], b))
-        degree = COARSE_DEGREE if self.tol >= FINE_TOL else FINE_DEGREE
-        mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), degree)
+        mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), COARSE_DEGREE)
         if resolved:
             mesh = self.with_boundaries(path.mesh)
         lam = (
