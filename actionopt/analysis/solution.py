@@ -15,15 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.status import Status
-from actionopt.discrete.boundaries import find_boundaries, split
+from actionopt.discrete.boundaries import split
 from actionopt.discrete.discrete_path import DiscretePath, Unknowns
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import TIME_SLACK, Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.events import Bounce, Event, State
+from actionopt.mechanics.events import State
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.scales import NEGLIGIBLE
 from actionopt.mechanics.singular_ends import finite_derivatives
 from actionopt.tools.checks import numbers
 from actionopt.tools.immutable import immutable
@@ -34,7 +33,9 @@ if TYPE_CHECKING:
 
     from actionopt.analysis.compare import Comparison
     from actionopt.analysis.index import Inertia
+    from actionopt.analysis.parts import Part
     from actionopt.analysis.sensitivity import Sensitivity
+    from actionopt.mechanics.held import Held
     from actionopt.mechanics.obstacle import Arc
 
 # Of an element, from an end where L is infinite: where it is asked what grows. Ad hoc.
@@ -249,43 +250,11 @@ class Solution:
     @cached_property
     def parts(self) -> tuple[Solution, ...]:
         """The legs as answers of their own, each between the two events as they were found."""
-        problem, mesh, tr = self.problem, self.mesh, self.discrete.tr
-        if not problem.through:
+        if not self.problem.through:
             return (self.between_times,)
-        nodes, found = tr.joints.tolist(), []
-        systems = problem.laws or (problem.system,) * len(self._pieces)
-        n, places = problem.system.n, tr.place(self.discrete.x).places
-        for system, leg, (a, b) in zip(systems, self._pieces, pairwise(nodes), strict=True):
-            ends = [
-                Event(t, q) for t, q in zip(mesh.nodes[[a, b]], leg.values.T[[0, -1]], strict=True)
-            ]
-            if problem.system.order > 1:
-                ends = [Event.of_places(float(mesh.nodes[k]), places[k], n) for k in (a, b)]
-            if problem.integral is not None:
-                system = system.with_multipliers if problem.laws else problem.system
-            given = {k: x for k, x in problem.parameters.items() if k in system.table.shapes}
-            part = Problem(system, *ends, parameters=given)
-            known, kept = DiscretePath.of(part, leg), None
-            if part.system.order > 1:  # derivatives are not read from values
-                tr_of, lam = known.tr, self.lam[part.system.m :, a : b + 1]
-                if np.isfinite(lam).any():
-                    from actionopt.mechanics.held import Held, arcs_of
+        from actionopt.analysis.parts import legs
 
-                    arcs = arcs_of(np.isfinite(lam), leg.mesh.boundaries, leg.mesh.offsets)
-                    tr_of = Transcription(Held(part, arcs), leg.mesh, tr.lengths)
-                kept = DiscretePath(tr_of, tr_of.unknowns_of(places[a : b + 1]))
-            found.append(
-                replace(
-                    self,
-                    problem=part,
-                    path=leg if kept is None else kept.path,
-                    action=known.action,
-                    lam=self.lam[:, a : b + 1],
-                    ends=None,
-                    known=kept,
-                )
-            )
-        return tuple(found)
+        return tuple(self._part(part) for part in legs(self.discrete, self._pieces, self.lam))
 
     @cached_property
     def free_parts(self) -> tuple[Solution, ...]:
@@ -293,37 +262,16 @@ class Solution:
 
         Along an arc of contact the obstacle is a constraint.
         """
-        problem, mesh, tr = self.problem, self.mesh, self.discrete.tr
-        if not (problem.system.order > 1 and self.contacts):
+        if not (self.problem.system.order > 1 and self.contacts):
             return self.parts
-        from actionopt.mechanics.held import Held
-        from actionopt.mechanics.obstacle import Arc, put_on_obstacle
+        from actionopt.analysis.parts import cut_at_contacts
 
-        times = [t for arc in self.contacts for t in (arc.begin, arc.end)]
-        events = [e.t for e in problem.joints_found]
-        bounds = find_boundaries(mesh, np.union1d(times, events)).tolist()
-        held, n = Held(problem, self.contacts), problem.system.n
-        places, found = tr.place(self.discrete.x).places, []
-        for a, b in pairwise(bounds):
-            nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
-            middle = np.array([mesh.boundaries[a] + mesh.boundaries[b]]) / 2
-            rows = np.flatnonzero(held.active(middle)[:, 0]).tolist()
-            times, first = mesh.boundaries[[a, b]].tolist(), mesh.offsets[[a, b]]
-            law = problem.system.with_obstacle_rows(tuple(rows))
-            at_ends = (
-                put_on_obstacle(law, places[k], t, problem.packed)
-                for k, t in zip(first, times, strict=True)
-            )
-            ends = [Event.of_places(t, y, n) for t, y in zip(times, at_ends, strict=True)]
-            part = Problem(law, *ends, parameters=problem.parameters)
-            arcs = tuple(Arc(i, *times) for i in range(len(rows)))
-            own = Mesh(mesh.boundaries[a : b + 1], np.array(mesh.degrees)[a:b])
-            of_part = Transcription(Held(part, arcs) if arcs else part, own, tr.lengths)
-            at = DiscretePath(of_part, of_part.unknowns_of(places[nodes]))
-            lam = np.zeros((len(rows), own.nodes.size))
-            known = {"path": at.path, "action": at.action, "lam": lam, "ends": None, "known": at}
-            found.append(replace(self, problem=part, **known))
-        return tuple(found)
+        return tuple(self._part(part) for part in cut_at_contacts(self.discrete, self.contacts))
+
+    def _part(self, part: Part) -> Solution:
+        """Return a part of the path as an answer of its own."""
+        told = {f.name: getattr(part, f.name) for f in fields(part)}
+        return replace(self, ends=None, **told)
 
     @cached_property
     def contact_impulses(self) -> Array:
@@ -332,19 +280,9 @@ class Solution:
         p(t+) - p(t-) = - impulse df/dq. A moment has one, which stands first. With accelerations in
         L both ends of an arc have one, and `contact_force` is the force between them.
         """
-        found, at = np.zeros((len(self.contacts), 2)), self.discrete
-        tr, m = at.tr, self.problem.system.m
-        if not len(found):
-            return found
-        weight = np.bincount(tr.layout.node_of, tr.weight[:, 0], tr.layout.node_count)
-        for k, arc in enumerate(self.contacts):
-            for i, t in enumerate((arc.begin, arc.end)[: 1 if arc.point else 2]):
-                node = self.mesh.offsets[np.argmin(np.abs(self.mesh.boundaries - t))]
-                if tr.order > 1:
-                    found[k, i] = -tr.row_multipliers(at.z)[node, arc.row]
-                elif arc.point:
-                    found[k, i] = -at.rows[node, m + arc.row] * weight[node]
-        return found + 0.0
+        from actionopt.analysis.obstacle_forces import impulses
+
+        return impulses(self.discrete, self.contacts)
 
     @property
     def impulses(self) -> Array:
@@ -582,6 +520,13 @@ class Solution:
         rows = np.isfinite(self.lam[self.problem.system.m :])
         return arcs_of(rows, self.mesh.boundaries, self.mesh.offsets)
 
+    @cached_property
+    def _held(self) -> Held:
+        """The question with the rows of the obstacle as constraints where there is contact."""
+        from actionopt.mechanics.held import Held
+
+        return Held(self.problem, self.contacts)
+
     def contact_force(self, t: ArrayLike) -> Array:
         """Return nu(t) >= 0 of S - int nu f dt, shape (r, K) or (r,): zero where nothing touches.
 
@@ -601,29 +546,10 @@ class Solution:
                 "obstacle=f), f(q, t) >= 0, or as a constraint, which has `multipliers`"
             )
         if self.problem.system.order > 1:
-            return self._contact_density(numbers(t, "the times"))
-        return self._pointwise("contact_force", t)
+            from actionopt.analysis.obstacle_forces import density
 
-    def _contact_density(self, times: Array) -> Array:
-        """Return `contact_force` of a path with accelerations, at times (...): (r, ...)."""
-        at, found = self.discrete, np.zeros((self.problem.system.r, times.size))
-        if self.contacts:
-            tr, flat = at.tr, times.ravel()
-            nu = -tr.contact_density(tr.row_multipliers(at.z))
-            for arc in self.contacts:
-                middle = (self.mesh.boundaries[:-1] + self.mesh.boundaries[1:]) / 2
-                inside = np.flatnonzero((arc.begin < middle) & (middle < arc.end))
-                if not inside.size:
-                    continue
-                a, b = inside[0], inside[-1] + 1
-                first, last = self.mesh.offsets[[a, b]]
-                own = np.isin(tr.layout.element_of, inside)
-                node = tr.layout.node_of[own] - first
-                values = np.bincount(node, nu[own, arc.row]) / np.bincount(node)
-                mesh = Mesh(self.mesh.boundaries[a : b + 1], np.array(self.mesh.degrees)[a:b])
-                here = (arc.begin <= flat) & (flat <= arc.end)
-                found[arc.row, here] = Path(mesh, values[None])(flat[here])[0]
-        return found.reshape(-1, *times.shape) + 0.0
+            return density(self.discrete, self.contacts, numbers(t, "the times"))
+        return self._pointwise("contact_force", t)
 
     @cached_property
     def inertia(self) -> Inertia:
@@ -679,31 +605,10 @@ class Solution:
         from those of `multipliers` at the same nodes. Raises ValueError without constraints, or
         where these are not independent.
         """
-        problem, system = self.problem, self.problem.system
-        if not system.m:
-            raise ValueError("expected a system with constraints: this one has no multipliers")
-        t = self.mesh.nodes
-        exact, given = self.discrete.multipliers(t).T[: system.m], self.lam[: system.m]
-        q, times = self.path.values.T, t[:, None]
-        second = system.pointwise("second")
-        rows, cols = second.sparsity(2)
-        inertias = np.zeros((t.size, system.n))
-        mine = rows == cols
-        inertias[:, rows[mine]] = np.abs(
-            second(q, self.velocity(t).T, times, problem.packed)[2][:, mine]
-        )
-        jacobian = system.pointwise("constraint_jacobian")
-        rows, cols = jacobian.sparsity(0)
-        squares = jacobian(q, times, problem.packed)[0] ** 2
-        mass = inertias[:, cols]
-        shares = np.zeros((t.size, system.m))
-        np.add.at(shares.T, rows, np.where(mass > 0, squares / np.where(mass > 0, mass, 1.0), 0).T)
-        unit = np.sqrt(shares.max(axis=0))
-        unit = np.where(unit > 0, unit, 1.0)[:, None]  # a row of coordinates without inertia
-        size = np.max(unit * np.abs(exact))
-        motion = np.max(np.sqrt(inertias.max(axis=0)) * np.abs(q)) / problem.duration**2
-        size = size if size > NEGLIGIBLE * motion else motion or 1.0
-        return 8 * float(np.nanmax(unit * np.abs(given - exact))) / float(size)
+        from actionopt.analysis.multiplier_error import multiplier_error
+
+        velocities = self.velocity(self.mesh.nodes)
+        return multiplier_error(self.discrete, self.path.values, velocities, self.lam)
 
     @cached_property
     def discrete(self) -> DiscretePath:
@@ -712,11 +617,7 @@ class Solution:
         same = known is not None and known.path is self.path and known.problem.free is problem
         if known is not None and same and (self.contacts or not problem.system.r):
             return known
-        held: Problem = problem
-        if self.contacts:
-            from actionopt.mechanics.held import Held
-
-            held = Held(problem, self.contacts)
+        held = self._held if self.contacts else problem
         if known is not None and problem.system.order > 1 and problem.system.r:
             # Derivatives, and multipliers of moments, are not read from values.
             tr, old = Transcription(held, self.mesh, known.tr.lengths, like=known.tr), known.tr
@@ -744,34 +645,6 @@ class Solution:
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""
         return self._comparison
-
-    def _law_deviation(self, parts: Sequence[Solution]) -> float:
-        """Return how far the legs are from those that leave events as the law says (`leave`).
-
-        That is at the end of each, to first order, in the coordinates' sizes. Events on one surface
-        count, anywhere on it and at any time: others may be kicks.
-        """
-        from actionopt.analysis.flow import ZERO_SIZE
-        from actionopt.mechanics.reflection import leave
-
-        asked, found = self.problem.original, 0.0
-        size = np.abs(self.path.values).max(axis=1)
-        size = np.where(size > ZERO_SIZE * size.max(), size, size.max() or 1.0)
-        legs: Any = zip(asked.through, parts[:-1], parts[1:], strict=True)
-        for event, one, other in legs:
-            if event.on is None or event.on.count > 1 or event.pinned or event.t is not None:
-                continue
-            at, laws = one.end, [(p.problem.system, p.problem.packed) for p in (one, other)]
-            if one.problem.system is other.problem.system:
-                laws[1] = laws[0]
-            _, by_q, by_t, _ = event.on.at(at.q, at.t, self.problem.packed)
-            state = at.q[None], at.v[None], np.array([[at.t]])
-            # At a surface that is no wall both satisfy the equations.
-            ways = (True,) if isinstance(event, Bounce) else (True, False)
-            out = [leave((laws[0], laws[1]), state, (by_q, by_t), bounces=way)[0] for way in ways]
-            off = [np.abs((v - other.start.v) / size).max() * other.duration for v in out]
-            found = max(found, float(np.nan_to_num(np.nanmin([np.inf, *off]), nan=np.inf)))
-        return found
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
@@ -878,8 +751,11 @@ class Solution:
             parts = [x for x in self.free_parts if x.problem.system.r < x.problem.system.n]
             return join([compare_motion(x.discrete, x.error) for x in parts], 0.0)
         if self.problem.through:
-            parts = self.parts
-            return join([part.compare() for part in parts], self._law_deviation(parts))
+            from actionopt.analysis.parts import law_deviation
+
+            size = np.abs(self.path.values).max(axis=1)
+            missed = law_deviation(self.problem, self.parts, size)
+            return join([part.compare() for part in self.parts], missed)
         if self.problem.system.r and self.contacts and self.problem.system.order == 1:
             raise ValueError(
                 "expected a path that touches no obstacle, found contact from t = "
@@ -937,9 +813,7 @@ class Solution:
         times = numbers(t, "the times")
         system = self.problem.system
         if system.r and name in IN_CONTACT:
-            from actionopt.mechanics.held import Held
-
-            method = getattr(Held(self.problem, self.contacts), name)
+            method = getattr(self._held, name)
         else:
             method = getattr(system, name)
         parameters = self.problem.parameters
