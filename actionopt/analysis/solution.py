@@ -521,7 +521,7 @@ class Solution:
         return arcs_of(rows, self.mesh.boundaries, self.mesh.offsets)
 
     @cached_property
-    def _held(self) -> Held:
+    def _question(self) -> Held:
         """The question with the rows of the obstacle as constraints where there is contact."""
         from actionopt.mechanics.held import Held
 
@@ -617,7 +617,7 @@ class Solution:
         same = known is not None and known.path is self.path and known.problem.free is problem
         if known is not None and same and (self.contacts or not problem.system.r):
             return known
-        held = self._held if self.contacts else problem
+        held = self._question if self.contacts else problem
         if known is not None and problem.system.order > 1 and problem.system.r:
             # Derivatives, and multipliers of moments, are not read from values.
             tr, old = Transcription(held, self.mesh, known.tr.lengths, like=known.tr), known.tr
@@ -813,7 +813,7 @@ class Solution:
         times = numbers(t, "the times")
         system = self.problem.system
         if system.r and name in IN_CONTACT:
-            method = getattr(self._held, name)
+            method = getattr(self._question, name)
         else:
             method = getattr(system, name)
         parameters = self.problem.parameters
