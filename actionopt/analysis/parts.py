@@ -34,7 +34,7 @@ class Part:
     known: DiscretePath | None
 
 
-class Leg(Protocol):
+class AnsweredLeg(Protocol):
     """A part that tells its states at its ends."""
 
     @property
@@ -105,7 +105,7 @@ def cut_at_contacts(at: DiscretePath, contacts: tuple[Arc, ...]) -> Iterator[Par
         yield Part(part, known.path, known.action, lam, known)
 
 
-def law_deviation(problem: Problem, parts: Sequence[Leg], sizes: Array) -> float:
+def law_deviation(problem: Problem, parts: Sequence[AnsweredLeg], sizes: Array) -> float:
     """Return how far the legs are from those that leave events as the law says (`leave`).
 
     That is at the end of each, to first order, in the coordinates' `sizes` (n,). Events on one
