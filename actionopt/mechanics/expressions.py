@@ -17,6 +17,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.tables import interp
+
 NUMBERS = (int, float, np.integer)
 BINARY_CODES = {
     np.add: ca.OP_ADD,
@@ -253,11 +255,26 @@ class Expressions:
             return self.sum()
         if func is np.dot and not kwargs and self.ndim == 1:
             return operator.matmul(*args)
+        if func is np.interp:
+            with _naming(func):
+                return _interp(*args, **kwargs)
         if func.__name__ == "cross":
             func = np.cross  # np.linalg.cross is the same for vectors of three components
         named = {name: _to_casadi(value) for name, value in kwargs.items()}
         with _naming(func):
             return _from_casadi(func(*_to_casadi(args), **named))
+
+
+def _interp(x: Any, xp: Any, fp: Any, *args: Any, **kwargs: Any) -> Expressions:
+    """Return np.interp, of expressions or with them as values."""
+    ndim, given = np.ndim(x) if not isinstance(x, Expressions) else x.ndim, ca.SX(_sx(x))
+    named = {name: _sx(value) for name, value in kwargs.items()}
+    return Expressions(interp(given, _sx(xp), _sx(fp), *map(_sx, args), **named), ndim)
+
+
+def _sx(x: Any) -> Any:
+    """Return expressions as CasADi's, others as they are."""
+    return x.sx if isinstance(x, Expressions) else x
 
 
 @contextmanager

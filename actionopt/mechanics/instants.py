@@ -14,14 +14,16 @@ import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.switches import REMAINDERS
+from actionopt.mechanics.tables import pieces
 from actionopt.mechanics.tracing import SAMPLES, Symbols
 from actionopt.tools.immutable import immutable
-from actionopt.tools.tape import Node, Tape, apply
+from actionopt.tools.tape import LINEAR_TABLE, PIECE, Node, Tape
 from actionopt.tools.types import EPS, Array
 
 Instant = tuple[float, float]  # the last time before it and the first one after it
 
-INTERVALS = 10_000  # followed at once: more of them are round-off; ad hoc, four times `SAMPLES`
+# Intervals followed at once, by how many instants there may be: more are round-off. Ad hoc.
+INTERVALS = 4
 # Instants closer together, in the duration, are one, and no element is shorter. Derived: 450
 # spacings of times, so that the nodes of an element of degree 10 stay apart.
 SHORTEST = 1e-13
@@ -36,7 +38,7 @@ ZEROS = {
     ca.OP_ATAN2: 0,
     ca.OP_COPYSIGN: 1,
 }
-CLOCKED = {*ZEROS, *DIFFERENCES, *ROUNDING_CODES, *REMAINDERS}
+CLOCKED = {*ZEROS, *DIFFERENCES, *ROUNDING_CODES, *REMAINDERS, LINEAR_TABLE}
 
 
 @immutable
@@ -51,10 +53,14 @@ class ClockSwitches:
         extremum.
     rates : Pointwise
         Of (t, p): the derivatives by t, (K, S), and by p, (K, P S), of what they are the steps of.
+    most : int
+        Instants of which none is missed, unless two of one step are close together: more are
+        something very fast. As many as there are samples, and points of tables.
     """
 
     steps: Pointwise
     rates: Pointwise
+    most: int
 
     def moving(self, known: tuple[Instant, ...], packed: Array) -> Array:
         """Return the derivatives of the instants (K,) by the parameters packed, (K, P)."""
@@ -71,9 +77,11 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
     arguments = [s.q, s.v, s.t, s.p]
     steps: list[ca.SX] = []
     smooth: list[ca.SX] = []
+    most = SAMPLES
 
     def switch_of(node: Node, operands: list[tuple[ca.SX, bool] | None]) -> Any:
         """Return an expression, and whether it is of the time; None for the path's."""
+        nonlocal most
         code, (of, row) = node.operation, node.entry
         if node.kind == "input":
             return None if of < 2 else (arguments[of][row], of == 2)
@@ -86,7 +94,7 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
         made = None
         if None not in operands:
             plain = [operand[0] for operand in operands if operand is not None]
-            made = apply(code, plain), any(operand[1] for operand in operands if operand)
+            made = node.of(plain), any(operand[1] for operand in operands if operand)
         if not timed:
             return made
         if code in ZEROS or code in DIFFERENCES:
@@ -99,6 +107,10 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
         elif code in REMAINDERS and made is not None:
             smooth.append(x[0] / x[1])
             steps.append(ca.floor((x[0] - made[0]) / x[1] + 0.5))
+        elif code == LINEAR_TABLE and made is not None and (piece := _piece(node, x)) is not None:
+            smooth.append(x[0])
+            steps.append(piece)
+            most += pieces(node.function)
         return made
 
     Tape(arguments, laws).fold(switch_of)
@@ -111,7 +123,16 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
     return ClockSwitches(
         Pointwise(ca.Function("clock", [s.t, s.p], steps)),
         Pointwise(ca.Function("rates", [s.t, s.p], [slopes, by_parameters])),
+        most,
     )
+
+
+def _piece(node: Node, x: list[ca.SX]) -> ca.SX | None:
+    """Return what tells the piece of a table of one argument: its number, or its slope."""
+    table = node.function
+    if table is None or (len(x) > 1 and PIECE not in table.name_out()):
+        return None
+    return node.call(x)[1] if PIECE in table.name_out() else table.jacobian()(x[0], 0)
 
 
 def instants(known: ClockSwitches, start: float, end: float, packed: Array) -> tuple[Instant, ...]:
@@ -122,12 +143,11 @@ def instants(known: ClockSwitches, start: float, end: float, packed: Array) -> t
     Wherever a step or the sign of a slope changes between two times it is followed by bisection.
     """
     least = max(SHORTEST * (end - start), 4 * EPS * max(abs(start), abs(end)))
-    found = _bisect(known.steps, start, end, packed, least, slopes=True)
+    found = _bisect(known, start, end, packed, least, slopes=True)
     if found is None:
-        found = _bisect(known.steps, start, end, packed, least, slopes=False) or []
+        found = _bisect(known, start, end, packed, least, slopes=False) or []
     found = merge(found, least)
-    # More of them are something very fast, of which some are missed.
-    return tuple(found) if len(found) <= SAMPLES else ()
+    return tuple(found) if len(found) <= known.most else ()
 
 
 def merge(found: list[Instant], least: float = 0.0) -> list[Instant]:
@@ -141,7 +161,7 @@ def merge(found: list[Instant], least: float = 0.0) -> list[Instant]:
 
 
 def _bisect(
-    switched: Pointwise,
+    known: ClockSwitches,
     start: float,
     end: float,
     packed: Array,
@@ -155,13 +175,13 @@ def _bisect(
     """
 
     def pattern(t: Array) -> Array:
-        steps, signs = switched(t[:, None], packed)
+        steps, signs = known.steps(t[:, None], packed)
         found = np.hstack([steps, signs]) if slopes else steps.copy()
         found[np.isnan(found)] = 0.0
         return found
 
     times = np.linspace(start, end, SAMPLES)
-    there, count = pattern(times), switched(times[:1, None], packed)[0].shape[1]
+    there, count = pattern(times), known.steps(times[:1, None], packed)[0].shape[1]
     a, b, left, right = times[:-1], times[1:], there[:-1], there[1:]
     found: list[Instant] = []
     while True:
@@ -175,7 +195,7 @@ def _bisect(
             a, b, left, right, middle = (x[~whole] for x in (a, b, left, right, middle))
         if not a.size:
             return found
-        if a.size > INTERVALS:
+        if a.size > INTERVALS * known.most:
             return None
         there = pattern(middle)
         a, b = np.concatenate([a, middle]), np.concatenate([middle, b])

@@ -27,7 +27,7 @@ from actionopt.mechanics.columns import UFUNCS
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.switches import POWERS, QUOTIENTS, ROOTS, SUMS
 from actionopt.mechanics.tracing import SAMPLES, Symbols
-from actionopt.tools.tape import Node, Tape, apply
+from actionopt.tools.tape import Node, Tape
 from actionopt.tools.types import Array, NDInt
 
 EXPONENTIALS = {ca.OP_EXP, ca.OP_EXPM1}
@@ -188,7 +188,7 @@ def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
                 slopes.append(2 * u[0] * rate_of(u[0]))
         if len(plain) < len(operands):
             return None
-        whole = apply(node.operation, [x for x, _ in plain])
+        whole = node.of([x for x, _ in plain])
         return whole, max(depends for _, depends in plain)
 
     Tape(arguments, laws).fold(expression)

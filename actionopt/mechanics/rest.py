@@ -25,7 +25,7 @@ import numpy as np
 
 from actionopt.mechanics.system import System
 from actionopt.tools.immutable import immutable
-from actionopt.tools.tape import Node, Tape, apply
+from actionopt.tools.tape import Node, Tape
 from actionopt.tools.types import EPS, Array
 
 # Ad hoc, where nothing else is said.
@@ -232,7 +232,7 @@ def _round_off(system: System, packed: Array, q: Array, t: float) -> Array:
     def with_rounding(node: Node, x: list[ca.SX]) -> ca.SX:
         if node.kind == "input":
             return inputs[node.entry[0]][node.entry[1]]
-        exact = apply(node.operation, x) if x else ca.SX(node.value)
+        exact = node.of(x) if x else ca.SX(node.value)
         return exact * (1 + off[next(count)])
 
     made = tape.fold(with_rounding)

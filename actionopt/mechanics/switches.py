@@ -17,15 +17,16 @@ import casadi as ca
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.tracing import COMPARISONS, Symbols
 from actionopt.tools.immutable import immutable
-from actionopt.tools.tape import Node, Tape, apply
+from actionopt.tools.tape import LINEAR_TABLE, Node, Tape, apply
 
 STEP_CODES = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL}
 REMAINDERS = {ca.OP_FMOD, ca.OP_REMAINDER}
 STEPPED = STEP_CODES | REMAINDERS | {ca.OP_COPYSIGN, ca.OP_ATAN2}
 SWITCHING_CODES = {*STEP_CODES, *REMAINDERS, *COMPARISONS, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX}
 SWITCHING_CODES |= {ca.OP_IF_ELSE_ZERO}
-KINKS = SWITCHING_CODES | {ca.OP_FABS}
+KINKS = SWITCHING_CODES | {ca.OP_FABS, LINEAR_TABLE}
 LOCALIZED = SWITCHING_CODES | {
+    LINEAR_TABLE,
     ca.OP_EXP,
     ca.OP_EXPM1,
     ca.OP_SINH,
@@ -83,7 +84,7 @@ def switches(s: Symbols, lagrangian: Tape, coordinates: Sequence[str]) -> Switch
             x = arguments[of][row] if node.kind == "input" else ca.SX(node.value)
             return x, x, 0 <= of < 2
         plain, kept, of_path = zip(*operands, strict=True)
-        made = apply(code, plain)
+        made = node.of(plain)
         moves = any(of_path)
         if moves and code in STEP_CODES:
             return made, step(made), True
@@ -95,7 +96,7 @@ def switches(s: Symbols, lagrangian: Tape, coordinates: Sequence[str]) -> Switch
         if moves and code in REMAINDERS:
             whole = step((plain[0] - made) / plain[1])
             return made, kept[0] - whole * kept[1], True
-        return made, apply(code, kept), moves
+        return made, node.of(kept), moves
 
     held = lagrangian.fold(branch)[lagrangian.results[0][0]][1]
     if not names:
@@ -167,7 +168,7 @@ def minimum_parts(row: ca.SX, s: Symbols) -> list[ca.SX]:
             x = arguments[of][entry] if node.kind == "input" else ca.SX(node.value)
             return Parts(x, [x], [x])
         x, y = operands[0], operands[-1]
-        value = apply(code, [operand.value for operand in operands])
+        value = node.of([operand.value for operand in operands])
         found = whole = Parts(value, [value], [value])
         if code == ca.OP_FMIN:
             found = Parts(value, x.low + y.low, pairs(code, x.high, y.high))

@@ -337,9 +337,10 @@ def formulas(laws: Laws, table: ParameterTable) -> Formulas:
             return _exact(node.value)
         operation = _operations().get(node.operation)
         if operation is None:
+            what = f"number {node.operation}" if node.function is None else "a function's call"
             raise ValueError(
                 "expected a law of elementary functions to write, found an operation of CasADi "
-                f"without a counterpart in sympy, number {node.operation}"
+                f"without a counterpart in sympy, {what}"
             )
         return operation(*operands)
 

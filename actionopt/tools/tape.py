@@ -10,6 +10,10 @@ from typing import Any, NamedTuple, TypeVar
 import casadi as ca
 
 T = TypeVar("T")
+# The second result of a function that is a table: which of the pieces its value is from.
+PIECE = "piece"
+# The operation of a call of a function that is linear between points: CasADi's are positive.
+LINEAR_TABLE = -1
 
 
 # An operation, the registers it goes to and those it comes from, and the value of a constant. What
@@ -34,6 +38,8 @@ class Node(NamedTuple):
     operands: tuple[int, ...] = ()
     entry: tuple[int, int] = (-1, -1)  # which input, and which entry of it
     value: float = 0.0
+    function: Any = None  # of CasADi's, that is called
+    nonzero: int = 0  # which of all its results
 
     @property
     def kind(self) -> str:
@@ -41,6 +47,21 @@ class Node(NamedTuple):
         if self.operands:
             return "operation"
         return "input" if self.operation == ca.OP_INPUT else "constant"
+
+    def of(self, x: Sequence[ca.SX]) -> Any:
+        """Return the operation of expressions in place of its operands."""
+        if self.function is None:
+            return apply(self.operation, x)
+        return ca.vertcat(*[ca.vec(y).nz[:] for y in self.call(x)])[self.nonzero]
+
+    def call(self, x: Sequence[ca.SX]) -> list[ca.SX]:
+        """Return all results of the function that is called, with expressions for the operands."""
+        arguments, first = [], 0
+        for i in range(self.function.n_in()):
+            pattern = self.function.sparsity_in(i)
+            arguments.append(ca.SX(pattern, ca.vertcat(*x[first : first + pattern.nnz()])))
+            first += pattern.nnz()
+        return self.function.call(arguments)
 
 
 class Tape:
@@ -78,6 +99,13 @@ class Tape:
                 self.nodes.append(Node(code, (), (-1, -1), f.instruction_constant(k)))
                 continue
             of = f.instruction_input(k)
+            if code == ca.OP_CALL:  # has a value for each of its results that is used
+                operands, called = tuple([i + 1 for i in of]), f.instructions_sx()[k]
+                into = [i for i, to in enumerate(f.instruction_output(k)) if to >= 0]
+                function = called.which_function()
+                code = LINEAR_TABLE if _is_table(function) else code
+                self.nodes += [Node(code, operands, (-1, -1), 0.0, function, i) for i in into]
+                continue
             if code == ca.OP_OUTPUT:
                 self._found.append((f.instruction_output(k), of[0] + 1))
             elif code == ca.OP_INPUT:
@@ -126,6 +154,10 @@ class Tape:
         """Return the name of an entry of an input: "q[0]"; "t" of the time."""
         name = self.names[node.entry[0]]
         return name if name == "t" else f"{name}[{node.entry[1]}]"
+
+
+def _is_table(function: ca.Function) -> bool:
+    return PIECE in function.name_out() or function.is_a("LinearInterpolant")
 
 
 def apply(operation: int, x: Sequence[ca.SX]) -> Any:

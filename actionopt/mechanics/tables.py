@@ -1,0 +1,119 @@
+"""Tables of numbers as laws: np.interp of an expression, at a cost that does not grow with them.
+
+A table of more than a few points is a function that CasADi calls. It has two results: the value,
+and which piece of the table it is from, by which the instants at which a table in the time has its
+kinks are found (`instants`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from actionopt.tools.tape import PIECE
+from actionopt.tools.types import Array
+
+# Points up to which a table is written out. Measured: a call takes as long as 4 to 16 pieces; what
+# is written out can be read as a formula.
+MOST_WRITTEN = 16
+
+
+def interp(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period: Any = None):
+    """Return np.interp of expressions x, with points of numbers; values may be expressions.
+
+    Parameters
+    ----------
+    x : casadi.SX
+        Of any shape.
+    xp : array_like
+        (N,), increasing.
+    fp : array_like or casadi.SX
+        (N,).
+    left, right, period
+        As those of np.interp.
+
+    Raises
+    ------
+    ValueError
+        For points that are no numbers or do not increase, or another number of values.
+    """
+    points, values = _numbers(xp), ca.vec(fp) if isinstance(fp, ca.SX) else _numbers(fp)
+    if points is None or values is None:
+        raise ValueError("expected points of np.interp that are finite numbers, found others")
+    count = values.numel() if isinstance(values, ca.SX) else values.size
+    if points.size != count or not count:
+        raise ValueError(f"expected as many values as points, found {count} and {points.size}")
+    if period is not None:
+        points, order = np.unique(points % period, return_index=True)
+        points = np.r_[points[-1] - period, points, points[0] + period]
+        values = values[np.r_[order[-1], order, order[0]].tolist()]
+        x = x - period * ca.floor(x / period)
+        left = right = None
+    if not (np.diff(points) > 0).all():
+        raise ValueError("expected points of np.interp that increase, found others")
+    if points.size == 1:
+        found = ca.SX.ones(x.shape) * values[0]
+    elif isinstance(values, ca.SX) or points.size > MOST_WRITTEN:
+        found = _called(x, points, values)
+    else:
+        found = _written(x, points, values)
+    if left is not None:
+        found = ca.if_else(x < points[0], left, found)
+    return found if right is None else ca.if_else(x > points[-1], right, found)
+
+
+def pieces(table: ca.Function) -> int:
+    """Return how many pieces a table has, 0 where it does not tell."""
+    if PIECE not in table.name_out():
+        return 0
+    return round(float(table.call([math.inf] + [0] * (table.n_in() - 1))[1]))
+
+
+def _numbers(given: Any) -> Array | None:
+    """Return finite numbers, (N,), or None where it has others."""
+    try:
+        found = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    return found if found.ndim == 1 and np.isfinite(found).all() else None
+
+
+def _written(x: ca.SX, points: Array, values: Array) -> ca.SX:
+    """Return a table as nested branches."""
+    found = ca.SX(values[-1])
+    slopes = np.diff(values) / np.diff(points)
+    for k in range(points.size - 2, -1, -1):
+        found = ca.if_else(x < points[k + 1], values[k] + (x - points[k]) * slopes[k], found)
+    return ca.if_else(x < points[0], values[0], found)
+
+
+def _called(x: ca.SX, points: Array, values: Array | ca.SX) -> ca.SX:
+    """Return a table as the call of a function."""
+    at, grid, last = ca.MX.sym("x"), points.tolist(), points.size - 1
+    inside = ca.fmin(ca.fmax(at, grid[0]), grid[-1])
+    of_table = [at]
+    if isinstance(values, ca.SX):  # CasADi's parametric tables have no derivatives by the values
+        y = ca.MX.sym("y", points.size)
+        of_table.append(y)
+        place = _line(points, np.arange(points.size))(inside)
+        first = ca.fmin(ca.floor(place), last - 1)
+        value = y[first] + (place - first) * (y[first + 1] - y[first])
+    else:
+        value = _line(points, values)(inside)
+    # The slope of another table is the number of the piece: each call would copy a constant.
+    ends = np.r_[2 * grid[0] - grid[1], points, 2 * grid[-1] - grid[-2]]
+    rising = np.cumsum(np.r_[0, np.arange(points.size + 1) * np.diff(ends)])
+    piece = ca.jacobian(_line(ends, rising)(at), at)
+    names = ["x", "y"][: len(of_table)], ["value", PIECE]
+    table = ca.Function("interp", of_table, [value, piece], *names, {"never_inline": True})
+    of = [values] if isinstance(values, ca.SX) else []
+    return ca.reshape(
+        ca.vertcat(*[table(one, *of)[0] for one in ca.vertsplit(ca.vec(x))]), *x.shape
+    )
+
+
+def _line(points: Array, values: Array) -> ca.Function:
+    return ca.interpolant("line", "linear", [points.tolist()], values.tolist())

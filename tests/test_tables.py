@@ -1,0 +1,106 @@
+"""Laws from tables, and functions of CasADi's that laws call."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import actionopt as ao
+from actionopt.mechanics.expressions import Expressions
+from actionopt.tools.tape import Tape
+
+RANDOM = np.random.default_rng(2)
+
+
+@pytest.mark.parametrize("count", [1, 5, 40])
+@pytest.mark.parametrize(
+    "named", [{}, {"left": 7.0}, {"left": 1.0, "right": -2.0}, {"period": 7.3}, {"period": 2.1}]
+)
+def test_a_table_of_an_expression_is_that_of_numbers(count, named):
+    points, values = np.sort(RANDOM.uniform(-3, 3, count)), RANDOM.normal(size=count)
+    at = np.r_[RANDOM.uniform(-5, 5, 40), points]
+    x, y = ca.SX.sym("x"), ca.SX.sym("y", count)
+    for given in (values, Expressions(y, 1)):
+        found = np.interp(Expressions(x, 0), points, given, **named)
+        function = ca.Function("f", [x, y], [found.sx]).map(at.size)
+        there = function(at[None], np.tile(values[:, None], at.size))
+        exact = np.interp(at, points, values, **named)
+        assert np.allclose(np.array(there).ravel(), exact, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "points, values",
+    [([0, 1, 1], [0, 1, 2]), ([0, 1], [0, 1, 2]), ([], []), ([0, np.inf], [0, 1])],
+)
+def test_points_of_a_table_increase_and_are_as_many_as_its_values(points, values):
+    with pytest.raises(ValueError, match=r"np\.interp failed on expressions \(expected"):
+        ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.interp(q[0], points, values), ["x"])
+
+
+@pytest.mark.long
+def test_elements_end_where_a_table_in_the_time_has_its_kinks():
+    times, force = np.linspace(-0.1, 1.05, 20), RANDOM.normal(size=20)
+    system = ao.System(
+        lambda q, v, t, *, f: v[0] ** 2 / 2 - q[0] ** 2 / 2 + np.interp(t, times, f) * q[0],
+        ["x"],
+        parameters={"f": force},
+    )
+    solution = ao.solve(ao.Problem(system, ao.Event(0, [0.0]), ao.Event(1, [0.7])), tol=1e-10)
+    inner = times[(times > 0) & (times < 1)]
+    assert np.allclose(solution.mesh.boundaries[1:-1], inner, atol=1e-15)
+    state = [0.0, solution.start.v[0]]
+
+    def rate(t, y):
+        return [y[1], np.interp(t, times, force) - y[0]]
+
+    for a, b in zip(solution.mesh.boundaries, solution.mesh.boundaries[1:], strict=False):
+        state = solve_ivp(rate, (a, b), state, rtol=1e-8, atol=1e-9).y[:, -1]
+    assert abs(state[0] - 0.7) < 1e-6
+    # dS/df_k is the integral of the path times the hat over its time.
+    t = np.linspace(0, 1, 20001)
+    hats = np.array([np.interp(t, times, row) for row in np.eye(20)])
+    slopes = np.trapezoid(hats * solution(t)[0], t, axis=1)
+    assert np.allclose(solution.sensitivity().parameters["f"], slopes, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+def test_steps_behind_a_function_that_is_called_are_found(kind):
+    times = np.linspace(-0.1, 1.1, 25)
+    table = ca.interpolant("f", kind, [times], np.sin(3 * times))
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 + ca.if_else(table(t) < 0.4, 1, 0) * q[0], ["x"]
+    )
+    solution = ao.solve(ao.Problem(system, ao.Event(0, [0.0]), ao.Event(1, [0.5])), tol=1e-10)
+    assert solution.mesh.elements < 2 * (5 if kind == "bspline" else 25)
+    assert solution.compare().position < 1e-12
+
+
+def test_calls_of_several_results_are_read_from_a_tape():
+    a, m = ca.SX.sym("a", 2), ca.SX.sym("m", 2, 2)
+    results = [ca.vertcat(a[0] ** 2, a[1], 3 + m[0, 1]), a[0] * a[1]]
+    called = ca.Function("called", [a, m], results, {"never_inline": True})
+    y = ca.SX.sym("y", 2)
+    first, second = called(y, ca.vertcat(y.T, 3 * y.T))
+    wanted = [ca.vertcat(first[2] + second * first[0], ca.sin(y[0])), first[0] * 3]
+    tape = Tape([y], wanted)
+
+    def again(node, operands):
+        if node.kind == "operation":
+            return node.of(operands)
+        return y[node.entry[1]] if node.kind == "input" else ca.SX(node.value)
+
+    made = tape.fold(again)
+    found = [ca.vertcat(*[made[k] for k in row]) for row in tape.results]
+    both = [ca.Function("f", [y], [ca.vertcat(*x)])([0.3, 0.7]).full() for x in (wanted, found)]
+    assert np.array_equal(*both)
+
+
+@pytest.mark.long
+def test_the_cost_of_a_table_in_the_time_is_linear_in_its_points():
+    times = np.linspace(0, 1, 3000)  # more than are sampled
+    force = np.sin(7 * times)
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.interp(t, times, force) * q[0], ["x"])
+    solution = ao.solve(ao.Problem(system, ao.Event(0, [0.0]), ao.Event(1, [1.0])))
+    assert solution.mesh.elements == 2999
