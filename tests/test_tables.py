@@ -97,6 +97,16 @@ def test_calls_of_several_results_are_read_from_a_tape():
     assert np.array_equal(*both)
 
 
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+def test_tables_without_derivatives_by_their_values_are_refused(kind):
+    table = ca.interpolant("V", kind, [np.arange(6.0).tolist()], 1)
+    system = ao.System(
+        lambda q, v, t, *, c: v[0] ** 2 / 2 - table(q[0], c), ["x"], parameters={"c": np.ones(6)}
+    )
+    with pytest.raises(ValueError, match="derivatives by their values"):
+        ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(1, [2.0])))
+
+
 @pytest.mark.long
 def test_the_cost_of_a_table_in_the_time_is_linear_in_its_points():
     times = np.linspace(0, 1, 3000)  # more than are sampled

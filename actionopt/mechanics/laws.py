@@ -28,6 +28,7 @@ from actionopt.mechanics.switches import (
     narrowness,
     switches,
 )
+from actionopt.mechanics.tables import refuse_lost_derivatives
 from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, stack
 from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import Tape
@@ -202,7 +203,11 @@ class Laws:
 
     def operations(self, law: ca.SX) -> Tape:
         """Return the operations of an expression of (q, v, t) and the parameters."""
-        return Tape(self._arguments, [law]) if law.numel() else NO_OPERATIONS
+        if not law.numel():
+            return NO_OPERATIONS
+        made = Tape(self._arguments, [law])
+        refuse_lost_derivatives(made)
+        return made
 
     @Once
     def fill_ratio(self) -> float:

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from actionopt.tools.tape import PIECE
+from actionopt.tools.tape import PIECE, Tape
 from actionopt.tools.types import Array
 
 # Points up to which a table is written out. Measured: a call takes as long as 4 to 16 pieces; what
@@ -63,6 +63,19 @@ def interp(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period
     if left is not None:
         found = ca.if_else(x < points[0], left, found)
     return found if right is None else ca.if_else(x > points[-1], right, found)
+
+
+def refuse_lost_derivatives(law: Tape) -> None:
+    """Raise ValueError for a table of CasADi's whose derivatives by its values are zero there."""
+    for table in [node.function for node in law.nodes if node.function is not None]:
+        parametric = table.class_name().endswith("Interpolant") and table.n_in() > 1
+        if parametric and not table.reverse(1).nnz_out(1):
+            raise ValueError(
+                f"expected tables with derivatives by their values, found the interpolant "
+                f"{table.name()!r}, whose values are an argument and whose derivatives by these "
+                "are zero in CasADi; make a bspline with the option {'inline': True}, or take "
+                "np.interp for a linear one"
+            )
 
 
 def pieces(table: ca.Function) -> int:

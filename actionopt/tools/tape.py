@@ -157,7 +157,7 @@ class Tape:
 
 
 def _is_table(function: ca.Function) -> bool:
-    return PIECE in function.name_out() or function.is_a("LinearInterpolant")
+    return PIECE in function.name_out() or function.class_name() == "LinearInterpolant"
 
 
 def apply(operation: int, x: Sequence[ca.SX]) -> Any:
