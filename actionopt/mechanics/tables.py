@@ -57,9 +57,9 @@ def interp(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period
     if points.size == 1:
         found = ca.SX.ones(x.shape) * values[0]
     elif isinstance(values, ca.SX) or points.size > MOST_WRITTEN:
-        found = _called(x, points, values)
+        found = _lookup(x, points, values)
     else:
-        found = _written(x, points, values)
+        found = _write(x, points, values)
     if left is not None:
         found = ca.if_else(x < points[0], left, found)
     return found if right is None else ca.if_else(x > points[-1], right, found)
@@ -94,7 +94,7 @@ def _numbers(given: Any) -> Array | None:
     return found if found.ndim == 1 and np.isfinite(found).all() else None
 
 
-def _written(x: ca.SX, points: Array, values: Array) -> ca.SX:
+def _write(x: ca.SX, points: Array, values: Array) -> ca.SX:
     """Return a table as nested branches."""
     found = ca.SX(values[-1])
     slopes = np.diff(values) / np.diff(points)
@@ -103,7 +103,7 @@ def _written(x: ca.SX, points: Array, values: Array) -> ca.SX:
     return ca.if_else(x < points[0], values[0], found)
 
 
-def _called(x: ca.SX, points: Array, values: Array | ca.SX) -> ca.SX:
+def _lookup(x: ca.SX, points: Array, values: Array | ca.SX) -> ca.SX:
     """Return a table as the call of a function."""
     at, grid, last = ca.MX.sym("x"), points.tolist(), points.size - 1
     inside = ca.fmin(ca.fmax(at, grid[0]), grid[-1])
