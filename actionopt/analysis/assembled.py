@@ -14,7 +14,7 @@ import numpy as np
 
 from actionopt.analysis.jacobi import FIELD_ROUNDS, coefficients_left_out, refine_where, tails
 from actionopt.analysis.second_variation import check_independent, couples_at_rest, normals
-from actionopt.discrete.blocks import Condensed
+from actionopt.discrete.blocks import Condensed, in_parts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import SparseFactors, diagonal, solve_part
 from actionopt.mechanics.scales import diagonal as diagonal_of
@@ -141,10 +141,10 @@ class AssembledForm:
             found[:, :, c] = summed.reshape(eta.shape[:2])
         return found
 
-    def end_forces(self, k: int) -> tuple[NDInt, Array]:
-        """Return the nodes of the first element (k = 0) or the last one (k = -1), (d + 1,).
+    def coupling(self, k: int) -> Coupling:
+        """Return how dS/dq at all nodes, (K n,), changes with the place (n,) of one end of the path.
 
-        And the change of dS/dq there with the place of the path's end, (d + 1, n, n).
+        That is the first node (k = 0) or the last one (k = -1).
         """
         tr, layout = self.at.tr, self.at.tr.layout
         end, second = (0, layout.node_count - 1)[k], self.at.problem.system.pointwise("second")
@@ -152,17 +152,49 @@ class AssembledForm:
             (i, e) for i, g in enumerate(layout.groups) for e in (g.nodes[:, k] == end).nonzero()[0]
         )
         g, half = layout.groups[i], tr.halves[i][e]
-        points = g.rule.degree + 1
+        points, work = g.rule.degree + 1, g.rule.weighted_derivative
         span = slice(g.span.start + e * points, g.span.start + (e + 1) * points)
-        A, B, C = (second.full(j, x[span], symmetric=j != 1) for j, x in enumerate(self.second))
-        slope, weight = (
-            (g.rule.derivative[:, k] / half.ravel())[:, None, None],
-            tr.weight[span, None],
+        nodes, weight = g.nodes[e][:, None], tr.weight[span]
+        slope = (g.rule.derivative[:, k] / half.ravel())[:, None]
+        A, B, C = (x[span] for x in self.second)
+        of_q, mixed, of_v = (second.sparsity(j) for j in range(3))
+        found: list[tuple[Array, ...]] = []
+        for at, (row, col), values, triangle in (
+            (nodes[[k]], of_q, weight[k] * A[[k]], True),
+            (nodes, of_v, work.T @ (C * slope), True),
+            (nodes, mixed, weight * B * slope, False),
+            (nodes, mixed[::-1], np.outer(work[k], B[k]), False),
+        ):
+            for i, j, some in ((row, col, row >= 0), (col, row, (row != col) & triangle)):
+                rows = tr.problem.system.n * at + i[some]
+                found.append((rows, np.broadcast_to(j[some], rows.shape), values[:, some]))
+        return Coupling(
+            *(np.concatenate([x.ravel() for x in part]) for part in zip(*found, strict=True))
         )
-        p, force = C * slope, weight * B * slope
-        p[k] += B[k].T
-        force[k] += weight[k] * A[k]
-        return g.nodes[e], force + np.tensordot(g.rule.weighted_derivative.T, p, 1)
+
+
+@immutable
+class Coupling:
+    """A sparse matrix, by the rows, columns and values of its entries."""
+
+    rows: NDInt
+    cols: NDInt
+    values: Array
+
+    @property
+    def transposed(self) -> Coupling:
+        """The transposed matrix."""
+        return Coupling(self.cols, self.rows, self.values)
+
+    def times(self, v: Array, height: int) -> Array:
+        """Return the matrix, of so many rows, times the columns of v, (height, c)."""
+        order = np.argsort(self.rows, kind="stable")
+        rows, cols, values = self.rows[order], self.cols[order], self.values[order, None]
+        first = np.flatnonzero(np.diff(rows, prepend=-1))
+        found = np.zeros((height, v.shape[1]))
+        for some in in_parts(v.shape[1], rows.size):
+            found[rows[first], some] = np.add.reduceat(values * v[cols, some], first)
+        return found
 
 
 def assemble(first: DiscretePath, error: float, fields: float) -> AssembledForm | None:

@@ -17,7 +17,7 @@ from actionopt.analysis.second_variation import Form, are_units
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import product
+from actionopt.discrete.factors import product, read
 from actionopt.discrete.path import Path
 from actionopt.mechanics.course import check_whole
 from actionopt.tools.blas import one_thread
@@ -234,14 +234,14 @@ class _Matrix:
 
     def times(self, block: Array) -> Array:
         """Return the matrix times the columns of a block, (size, c)."""
-        return np.asarray(self.matrix @ ca.DM(block))
+        return read(self.matrix @ ca.DM(block))
 
     def solver(self, shift: float) -> Callable[[Array], Array] | None:
         """Return what solves with the matrix less `shift`; None if that lowers a variation."""
         factors = ca.ldl(self.matrix - shift * self.unit)
         if (factors[0].full() < 0).any():
             return None
-        return lambda block: ca.ldl_solve(ca.DM(block), *factors).full()  # type: ignore
+        return lambda block: read(ca.ldl_solve(ca.DM(block), *factors))
 
 
 @immutable

@@ -11,6 +11,7 @@ no difference is taken, nothing is solved again, and the accuracy is that of the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import casadi as ca
@@ -41,6 +42,9 @@ from actionopt.tools.types import RANK, Array
 
 # What the mesh leaves out of Jacobi fields; derived: second derivatives converge twice as fast.
 SENSITIVITY_RESOLUTION = 1e-8
+# Numbers of right-hand sides that are solved for at once, 1 MB, of which a sparse solver holds some
+# copies, and how many at least: they share a factorization. Measured: from 2 to 4 MB flat.
+AT_ONCE, FEWEST_AT_ONCE = 2**17, 16
 
 
 @immutable
@@ -271,40 +275,52 @@ def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
     """Return the second derivatives, what is between the ends eliminated; None if that fails."""
     at, tr, layout = form.at, form.at.tr, form.at.tr.layout
     problem, m = at.problem, at.problem.system.m
-    ends = [0, layout.node_count - 1]
-    t = tr.mesh.nodes[ends, None]
+    ends, unknowns = [0, layout.node_count - 1], layout.unknowns
+    t, units = tr.mesh.nodes[ends, None], (tr.x_unit / tr.action_unit)[:, None]
     planes = tangent(problem, at.Q[ends], t, tr.lengths) * tr.lengths[:, None]
     given = problem.start.pinned, problem.end.pinned
     allowed = (plane if m else plane[:, list(k)] for plane, k in zip(planes, given, strict=True))
-    moved = [np.linalg.qr(plane)[0] for plane in allowed]
-    cut = moved[0].shape[1]
-    parts = slice(0, cut), slice(cut, cut + moved[1].shape[1])
-    forces = np.zeros((*at.Q.shape, parts[1].stop))
-    for k, (part, plane) in enumerate(zip(parts, moved, strict=True)):
-        nodes, by_end = form.end_forces(-k)
-        forces[nodes, :, part] += by_end @ plane
-    loads = form.loads(forces)
-    try:
-        between = form.factors.solve(loads)
-    except np.linalg.LinAlgError:  # conjugate
-        return None
-    if not np.isfinite(between).all():
-        return None
-    follow = loads.T @ between
-    if layout.rows:  # the factors are off by 1e-10, and this by the square of it
-        left = [product(layout, form.matrix, column) for column in between.T]
-        follow += between.T @ (loads - np.stack(left, axis=1))
-        bend = form.node_weights[ends, None, None] * curvature(problem, at.Q[ends], at.lam[ends], t)
-        for end, part, plane, matrix in zip(ends, parts, moved, bend, strict=True):
-            forces[end, :, part] += matrix @ plane
-    by_ends = np.concatenate([plane.T @ forces[e] for e, plane in zip(ends, moved, strict=True)])
-    hessian = by_ends - tr.action_unit * follow
-    first, last = moved
+    first, last = moved = [np.linalg.qr(plane)[0] for plane in allowed]
+    couplings, parts, missed = [form.coupling(k) for k in (0, -1)], [], []
+    for k, plane in enumerate(moved):
+        for some in _columns(plane.shape[1], layout.size):
+            forces = couplings[k].times(plane[:, some], at.Q.size)
+            loads = np.zeros((layout.size, forces.shape[1]))
+            loads[:unknowns] = forces[layout.free] * units
+            try:
+                between = form.factors.solve(loads)
+            except np.linalg.LinAlgError:  # conjugate
+                return None
+            if not np.isfinite(between).all():
+                return None
+            follow = np.zeros_like(forces)
+            follow[layout.free] = between[:unknowns] * units
+            by_ends = forces.reshape(*at.Q.shape, -1)[ends]
+            for change, coupling in zip(by_ends, couplings, strict=True):
+                change -= tr.action_unit * coupling.transposed.times(follow, len(change))
+            if layout.rows:
+                bend = curvature(problem, at.Q[[ends[k]]], at.lam[[ends[k]]], t[[k]])[0]
+                by_ends[k] += form.node_weights[ends[k]] * bend @ plane[:, some]
+                left = [product(layout, form.matrix, column) for column in between.T]
+                missed.append((between, loads - np.stack(left, axis=1)))
+            parts.append(np.concatenate([p.T @ x for p, x in zip(moved, by_ends, strict=True)]))
+    hessian = np.concatenate(parts, axis=1)
+    if missed:  # the factors are off by 1e-10, and this by the square of it
+        between, left = (np.concatenate(x, axis=1) for x in zip(*missed, strict=True))
+        hessian -= tr.action_unit * between.T @ left
+    cut = first.shape[1]
     return (
         first @ hessian[:cut, :cut] @ first.T,
         first @ hessian[:cut, cut:] @ last.T,
         last @ hessian[cut:, cut:] @ last.T,
     )
+
+
+def _columns(count: int, size: int) -> Iterator[slice]:
+    """Yield columns of so many rows, some at once."""
+    few = max(AT_ONCE // size, FEWEST_AT_ONCE)
+    for first in range(0, count, few):
+        yield slice(first, first + few)
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:

@@ -343,24 +343,23 @@ class Condensed:
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size + b,), or several, (size + b, c)."""
-        if right.ndim > 1:
-            return np.stack([self.solve(column) for column in right.T], axis=1)
         blocks, f, size = self.blocks, self.blocks.width, self.blocks.places.size
-        full = blocks.spread(right[:size])[:, :, None]
+        columns = right.shape[1:]
+        full = blocks.spread(right[:size]).reshape(blocks.nodes, f, -1)
         eliminated, between = self._eliminate(full)
         between = self._first(between)
-        left = between.ravel()
+        left = between.reshape(-1, *columns)
         if self.carried:
-            left = np.concatenate([left, right[size:] - self._border_times(eliminated)[:, 0]])
+            beside = self._border_times(eliminated).reshape(-1, *columns)
+            left = np.concatenate([left, right[size:] - beside])
         known = self.inverse
         left = np.linalg.solve(self.last, left) if known is None else known @ left
-        beside = left[between.size :]
+        between, beside = left[: len(between) * f].reshape(between.shape), left[len(between) * f :]
         if self.carried:
             for y, Y in zip(eliminated, self.carried, strict=True):
-                y -= Y @ beside[:, None]
-        between = left[: between.size].reshape(between.shape)
+                y -= Y @ beside.reshape(len(beside), -1)
         if blocks.closed.size:
-            between = np.concatenate([between, np.zeros((1, f, 1))])
+            between = np.concatenate([between, np.zeros_like(between[:1])])
             blocks.expand(between)
         for level in reversed(self.levels):
             between = level.substitute(eliminated.pop(), between)
@@ -368,8 +367,9 @@ class Condensed:
         for inner, g, local in zip(self.inner, blocks.groups, eliminated, strict=True):
             local[:, -2 * f : -f], local[:, -f:] = between[g.elements + 1], between[g.elements]
             inner.substitute(local)
-            full[g.nodes[:, 1:-1]] = local[:, : inner.places].reshape(len(g.nodes), -1, f, 1)
-        found = full.ravel()[blocks.places]
+            inside = local[:, : inner.places]
+            full[g.nodes[:, 1:-1]] = inside.reshape(len(g.nodes), -1, *full.shape[1:])
+        found = full.reshape(-1, *columns)[blocks.places]
         return np.concatenate([found, beside]) if self.carried else found
 
     def between(self, ends: list[Array]) -> list[Array]:

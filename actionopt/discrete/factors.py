@@ -456,11 +456,8 @@ class SparseFactors:
         if factors is None or (right.ndim > 1 and factors[1].nnz() < COLUMN_FACTORS * layout.size):
             return _solver(layout, "ldl", right.shape[1])(self._values, right.T).T
         right = right if self._order is None else right[self._order]
-        if right.ndim > 1:
-            found = ca.ldl_solve(ca.DM(right), *factors).full()
-        else:
-            column = ca.DM(ca.Sparsity.dense(layout.size), memoryview(right))  # type: ignore
-            found = ca.ldl_solve(column, *factors).full().ravel()
+        column = ca.DM(right) if right.ndim > 1 else _dense(layout.size, right)
+        found = read(ca.ldl_solve(column, *factors)).reshape(right.shape)
         if self._order is None:
             return found
         x = np.empty_like(found)
@@ -475,6 +472,19 @@ class SparseFactors:
     def largest(self) -> float:
         """The largest pivot; zero with rows, which are regular by pivots that grow."""
         return 0.0 if self._layout.rows else float(np.abs(self._factors[0].full()).max(initial=0.0))
+
+
+def _dense(size: int, column: Array) -> ca.DM:
+    return ca.DM(ca.Sparsity.dense(size), memoryview(column))  # type: ignore
+
+
+def read(matrix: ca.DM) -> Array:
+    """Return the numbers of a dense matrix (n, c): asked for as such, each is an object first."""
+    found = np.empty(matrix.shape[::-1])
+    buffer, evaluate = ca.Function("read", [], [ca.MX(matrix)]).buffer()
+    buffer.set_res(0, memoryview(found))  # type: ignore
+    evaluate()
+    return found.T
 
 
 def _reorder(pattern: Pattern, order: NDInt) -> tuple[ca.Sparsity, NDInt]:
