@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.analysis import modes
-from actionopt.analysis.assembled import _is_convex, assemble
+from actionopt import scenes
+from actionopt.analysis import modes, sensitivity
+from actionopt.analysis.assembled import AssembledForm, _is_convex, assemble
 from actionopt.analysis.jacobi import resolve
 from actionopt.discrete.discrete_path import DiscretePath
 
@@ -45,13 +46,50 @@ def test_modes_of_a_lattice(solution):
     np.testing.assert_allclose(overlap, np.eye(5), atol=1e-8)
 
 
-def test_second_derivatives_of_a_lattice(solution):
+def test_second_derivatives_of_a_lattice(solution, monkeypatch):
     assert assemble(solution.discrete, solution.error, 1e-8) is not None
+    monkeypatch.setattr(sensitivity, "AT_ONCE", 1)  # some columns at once, not all
     found = solution.sensitivity()
     own = MODES @ np.diag(SPEEDS / np.tan(SPEEDS * T)) @ MODES.T
     across = MODES @ np.diag(-SPEEDS / np.sin(SPEEDS * T)) @ MODES.T
     for matrix, exact in ((found.q0q0, own), (found.q1q1, own), (found.q0q1, across)):
         np.testing.assert_allclose(matrix, exact, atol=1e-9 * np.abs(across).max())
+
+
+def test_lowest_modes_take_one_factorization_just_below_them(solution, monkeypatch):
+    """Shifts were tried from near zero down, each with factors, where no eigenvalue was known."""
+    form = assemble(solution.discrete, solution.error, 1e-8)
+    assert form is not None
+    least = (np.pi / T) ** 2 - SPEEDS.max() ** 2
+    assert 0 < least - form.bound(np.ones(N)) < 0.02
+    solver, shifts = modes._Assembled.solver, []
+    monkeypatch.setattr(modes._Assembled, "solver", lambda x, s: shifts.append(s) or solver(x, s))
+    assert modes._Assembled(form, np.ones(N)).lowest(2, 1)[0][0] == pytest.approx(least)
+    assert shifts == [form.bound(np.ones(N))]
+
+
+@pytest.mark.long
+def test_lowest_modes_of_a_chain_are_bounded_by_its_tensions():
+    known = scenes.get("chain", links=5)
+    found = ao.solve(known.problem, guess=known.guess)
+    form = assemble(found.discrete, found.error, 1e-4)
+    assert form is not None
+    assert 1 < form.bound(np.ones(10)) / ao.second_variation(found, 1).eigenvalues[0] < 2
+
+
+def test_forces_of_a_moved_end_are_those_of_its_variation():
+    def coupled(q, v, t):
+        return (1 + q[0] ** 2) * v @ v / 2 + v[0] * v[1] / 3 + q[1] * v[0] ** 2 - q[0] * q[1]
+
+    path = ao.Path.interpolate(lambda t: np.stack([t, t**2]), ao.Mesh([0, 0.4, 1], [3, 5]))
+    ends = (ao.Event(x, path(x)) for x in (0.0, 1.0))
+    at = DiscretePath.of(ao.Problem(ao.System(coupled, ["x", "y"]), *ends), path)
+    form = AssembledForm(at, at.tr.kkt(at.z))
+    for k in (0, -1):
+        eta = np.zeros((*at.Q.shape, 2))
+        eta[k] = np.eye(2)
+        found = form.coupling(k).times(np.eye(2), at.Q.size)
+        np.testing.assert_allclose(found, form.forces(eta).reshape(-1, 2), atol=1e-12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +122,7 @@ def test_lowest_eigenvalues_are_those_of_a_full_matrix_equal_ones_too(seed):
     turn, _ = np.linalg.qr(rng.standard_normal((size, size)))
     matrix = (turn * values) @ turn.T
     matrix = (matrix + matrix.T) / 2
-    found, vectors = modes._subspace(Full(matrix), 10.0 ** rng.uniform(-4, 2), count)
+    found, vectors = modes._subspace(Full(matrix), -(10.0 ** rng.uniform(-4, 2)), count)
     scale = np.abs(values).max()
     assert np.max(np.abs(found - values[:count])) < 1e-9 * scale
     assert np.max(np.abs(matrix @ vectors - vectors * found)) < 1e-6 * scale
@@ -96,6 +134,7 @@ def test_a_sparse_matrix_solves_above_its_lowest_eigenvalue_only():
     assert sparse.size == 3
     np.testing.assert_allclose(sparse.times(block), matrix @ block)
     solve = sparse.solver(1.0)
+    assert solve is not None
     np.testing.assert_allclose((matrix - np.eye(3)) @ solve(block), block, atol=1e-12)
     assert sparse.solver(2.0) is None
 

@@ -141,8 +141,33 @@ class AssembledForm:
             found[:, :, c] = summed.reshape(eta.shape[:2])
         return found
 
+    def bound(self, units: Array) -> float:
+        """Return what no eigenvalue is less than, in the norm int |eta / units|^2 dt; units (n,).
+
+        It may be more where velocities couple to coordinates: by how much, roughly, is taken off.
+        """
+        at, tr, system = self.at, self.at.tr, self.at.problem.system
+        second, (A, B, C) = system.pointwise("second"), self.second
+        masses, springs = [(second.sparsity(2), C)], [(second.sparsity(0), A)]
+        if tr.layout.rows and not system.structure.affine_constraint:
+            bend, places = system.pointwise("constraint_curvature"), tr.layout.node_of
+            lam = np.nan_to_num(at.lam[places])
+            values = bend(at.Q[places], lam, tr.times, at.problem.packed)[0]
+            springs.append((bend.sparsity(0), values))
+        stiffness, mass = (_gershgorin(x, units) for x in (springs, masses))
+        if B.any():
+            (row, col), sums = second.sparsity(1), np.zeros((2, units.size, len(B)))
+            for found, i in zip(sums, (row, col), strict=True):
+                np.add.at(found, i, np.abs(B * units[row] * units[col]).T)
+            own = np.equal(*second.sparsity(2))
+            least = (C[:, own] * units**2).min()
+            return stiffness - float(sums[0].max() * sums[1].max() / least)
+        pinned = [len(event.pinned) for event in (at.problem.start, at.problem.end)]
+        slowest = np.pi / tr.problem.duration / (1 if min(pinned) == system.n else 2)
+        return stiffness + slowest**2 * max(mass, 0.0)
+
     def coupling(self, k: int) -> Coupling:
-        """Return how dS/dq at all nodes, (K n,), changes with the place (n,) of one end of the path.
+        """Return how dS/dq at all nodes, (K n,), changes with the place (n,) of an end of the path.
 
         That is the first node (k = 0) or the last one (k = -1).
         """
@@ -225,6 +250,20 @@ def assemble(first: DiscretePath, error: float, fields: float) -> AssembledForm 
             return form
         at = first.on(mesh, first.multipliers(mesh.nodes))
     return None
+
+
+def _gershgorin(parts: list[tuple[tuple[NDInt, NDInt], Array]], units: Array) -> float:
+    """Return a bound from below of the eigenvalues of sums of symmetric matrices, in `units` (n,).
+
+    Of each the rows and columns of its nonzeros, those of a triangle, and these, (K, nonzeros).
+    """
+    least = np.zeros((units.size, len(parts[0][1])))
+    for (row, col), values in parts:
+        size, off = (values * units[row] * units[col]).T, row != col
+        np.add.at(least, row[~off], size[~off])
+        for i in (row, col):
+            np.subtract.at(least, i[off], np.abs(size[off]))
+    return float(least.min())
 
 
 def _is_plain(at: DiscretePath) -> bool:

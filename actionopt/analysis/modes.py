@@ -30,7 +30,9 @@ DENSE_EIGENPROBLEM = 600  # free variations up to which all eigenvalues are comp
 ASSEMBLED = 300  # free variations from which one sparse matrix takes less time. Measured
 SETTLED_VALUES = 1e-10  # of the largest, how far eigenvalues move that have settled; ad hoc
 NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are round-off; ad hoc
-KRYLOV_BLOCKS = 9  # with one shift: a factorization costs some of them; ad hoc
+# Blocks with one shift, and how many more may be needed before another one pays; ad hoc.
+FIRST_BLOCKS, KRYLOV_BLOCKS = 6, 6
+KRYLOV_ERROR = 1e-13  # of values and shift, how far values move that have settled
 SPARE_MODES = 2  # sought beside those that are asked for, which may be as low; ad hoc
 RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where values are close; ad hoc
 MODE_SHIFTS = 50  # most; ad hoc, it ends by itself after some
@@ -98,7 +100,7 @@ def second_variation(
     first, resolution = solution.discrete, INDEX_RESOLUTION / 100
     form = assemble_if_large(first, solution.error, resolution)
     if form is not None:
-        values, vectors = _Assembled(form, given).lowest(count)
+        values, vectors = _Assembled(form, given).lowest(count, found.index + found.nullity)
         eta, shifts, units = _variations(form, vectors), False, given
     else:
         form = form_of(resolve(first, solution.error, resolution).at, given, phase=False)
@@ -168,9 +170,11 @@ def lowest(form: Form, count: int) -> tuple[Array, Array]:
         values, vectors = np.linalg.eigh(matrix)
         return values[:count], scale[:, None] * vectors[:, :count]
     pattern = ca.Sparsity.triplet(free.size, free.size, rows.tolist(), cols.tolist())
-    gap = float(np.abs(np.asarray(form.tr.action_unit))) / form.tr.problem.duration
-    gap /= float(np.median(form.units / form.tr.lengths)) ** 2
-    values, vectors = _subspace(_Matrix(ca.DM(pattern, entries)), gap, count)
+    bound = min(
+        np.linalg.eigvalsh(E / np.sqrt(m * m[:, None]))[0]
+        for E, m in zip(form.elements, form.masses, strict=True)
+    )
+    values, vectors = _subspace(_Matrix(ca.DM(pattern, entries)), float(bound), count)
     return values, scale[:, None] * vectors
 
 
@@ -267,13 +271,11 @@ class _Assembled:
             / tr.action_unit
         )
 
-    def lowest(self, count: int) -> tuple[Array, Array]:
-        """Return the lowest eigenvalues (count,) and vectors (unknowns, count)."""
-        tr = self.form.at.tr
-        gap = abs(tr.action_unit) / tr.problem.duration
-        gap /= float(np.median(self.units / tr.lengths)) ** 2
-        count = min(count, self.size - tr.layout.rows)
-        values, vectors = _subspace(self, gap, count)
+    def lowest(self, count: int, index: int) -> tuple[Array, Array]:
+        """Return the lowest eigenvalues (count,) and vectors (unknowns, count), `index` below 0."""
+        count = min(count, self.size - self.form.at.tr.layout.rows)
+        bound = self.form.bound(self.units)
+        values, vectors = _subspace(self, bound if index else max(bound, 0.0), count)
         return values, vectors / np.sqrt(self.masses)[:, None]
 
     def times(self, block: Array) -> Array:
@@ -287,7 +289,7 @@ class _Assembled:
     def solver(self, shift: float) -> Callable[[Array], Array] | None:
         """Return what solves with the matrix less `shift`; None if that lowers a variation."""
         layout, root = self.form.at.tr.layout, np.sqrt(self.masses)[:, None]
-        factors = self.form.shifted(shift * self.masses)
+        factors = self.form.shifted(shift * self.masses) if shift else self.form.factors
         if factors.negative() > layout.rows:
             return None
 
@@ -307,13 +309,13 @@ def _variations(form: AssembledForm, vectors: Array) -> Array:
     return eta.reshape(layout.node_count, layout.width, -1)
 
 
-def _subspace(matrix: _Operator, gap: float, count: int) -> tuple[Array, Array]:
+def _subspace(matrix: _Operator, shift: float, count: int) -> tuple[Array, Array]:
     """Return the lowest eigenvalues (count,) and vectors (size, count), by Lanczos's method.
 
     On the inverse, in blocks, so that equal eigenvalues are told apart. The shift lies below the
     spectrum, which the pivots' signs tell, so that the matrix is positive definite and its
-    factorization needs no pivoting. `gap` is how far below zero it begins; it comes nearer where
-    a subspace of `KRYLOV_BLOCKS` blocks has not settled the values.
+    factorization needs no pivoting. The first one is a guess; it comes nearer where many more
+    blocks would be needed to settle the values.
 
     References
     ----------
@@ -321,14 +323,12 @@ def _subspace(matrix: _Operator, gap: float, count: int) -> tuple[Array, Array]:
     """
     size = matrix.size
     block = np.random.default_rng(0).standard_normal((size, min(count + SPARE_MODES, size)))
-    shift, values = -gap, np.full(count, np.inf)
-    for step in range(MODE_SHIFTS):
-        if step:
-            gap = values[-1] - values[0] + RITZ_ERROR * abs(values[0])
-            shift = max(shift, float(values[0] - gap))
-        while (solve := matrix.solver(shift)) is None:  # the lowest was no Ritz value
-            gap *= 64
-            shift -= gap
+    below, gap, values = -np.inf, abs(shift) or 1.0, np.full(count, np.inf)
+    for _ in range(MODE_SHIFTS):
+        while (solve := matrix.solver(shift)) is None:
+            # The lowest was no Ritz value, or no shift is known to be below it yet.
+            shift, gap = max(shift - gap, (shift + below) / 2), 4 * gap
+        below = shift
         block, settled = _krylov(solve, block, count, shift)
         ritz, turn = np.linalg.eigh(block.T @ matrix.times(block))
         block = block @ turn
@@ -336,7 +336,13 @@ def _subspace(matrix: _Operator, gap: float, count: int) -> tuple[Array, Array]:
         values = ritz[:count]
         if settled or change < NEARLY_SETTLED * scale:
             break
+        shift = max(shift, _nearer(values))
     return values, block[:, :count]
+
+
+def _nearer(values: Array) -> float:
+    """Return a shift below the lowest eigenvalue by about what Ritz values (count,) are apart."""
+    return float(2 * values[0] - values[-1] - RITZ_ERROR * abs(values[0]))
 
 
 def _krylov(
@@ -344,21 +350,29 @@ def _krylov(
 ) -> tuple[Array, bool]:
     """Return what is lowest, (size, width), in the subspace of a block (size, width) and images.
 
-    And whether the values are settled.
+    And whether the values are settled; the subspace grows as long as they soon will be.
     """
     width = block.shape[1]
     basis, _ = np.linalg.qr(block)
-    images, values, settled = np.empty((len(block), 0)), np.zeros(count), False
+    images, inner, values, move = basis[:, :0], np.zeros((0, 0)), np.zeros(count), np.inf
+    settled = False
     while True:
-        images = np.concatenate([images, solve(basis[:, images.shape[1] :])], axis=1)
-        inverse, turn = np.linalg.eigh(basis.T @ images)
+        new = solve(basis[:, images.shape[1] :])
+        images = np.concatenate([images, new], axis=1)
+        beside = basis.T @ new
+        inner = np.block([[inner, beside[: len(inner)]], [beside.T]]) if len(inner) else beside
+        inverse, turn = np.linalg.eigh(inner)
         last, values = values, shift + 1 / inverse[: -count - 1 : -1]
-        room = min(KRYLOV_BLOCKS * width, len(block)) - basis.shape[1]
-        if settled or not room:
-            return basis @ turn[:, : -width - 1 : -1], bool(settled)
-        # Once more then, as vectors have half the digits of values.
-        settled = np.abs(values - last).max() < 1e-13 * (np.abs(values).max() + abs(shift))
-        new = images[:, -width:][:, :room]
+        before, move = move, float(np.abs(values - last).max())
+        goal, room = KRYLOV_ERROR * (np.abs(values).max() + abs(shift)), len(block) - len(inner)
+        late = len(inner) >= FIRST_BLOCKS * width and (
+            move ** (KRYLOV_BLOCKS + 1) > goal * before**KRYLOV_BLOCKS
+        )
+        late = late and _nearer(values) - shift > (values[0] - shift) / 2
+        if settled or late or not room:
+            return basis @ turn[:, : -width - 1 : -1], settled
+        settled = move < goal  # once more then, as vectors have half the digits of values
+        new = new[:, :room]
         for _ in range(2):
             new = new - basis @ (basis.T @ new)
         basis = np.concatenate([basis, np.linalg.qr(new)[0]], axis=1)

@@ -226,7 +226,7 @@ class Factors:
     def definite(self) -> bool:
         """Return whether the matrix, one without constraint rows, is positive definite."""
         if self.layout.storage == "sparse":
-            return self._negative_pivots() == 0
+            return self._pivots.negative() == 0
         try:
             if not self.layout.small:
                 self._condensed_blocks = Condensed(self.layout.blocks, self.nonzeros, definite=True)
@@ -249,20 +249,11 @@ class Factors:
                 return 0
             return negative_signs(self._full)
         if layout.size > PATTERN:
-            return self._negative_pivots()
+            return self._pivots.negative()
         counted = self._pivots
         if not counted.largest <= PIVOT_GROWTH * np.abs(self.nonzeros).max():
             return negative_signs(self._full)
         return counted.negative()
-
-    def _negative_pivots(self) -> int:
-        """Return the number of negative eigenvalues by pivots, however they are rounded."""
-        layout = self.layout
-        if layout.storage == "blocks" or layout.border or layout.keeps_factors:
-            return self._pivots.negative()
-        matrix, solver = _matrix(layout, _regular(layout, self.nonzeros)), _solver(layout, "ldl")
-        solver.analysed.nfact(matrix)
-        return int(solver.analysed.neig(matrix))
 
     @property
     def _pivots(self) -> Condensed | _Edged | SparseFactors:
@@ -466,6 +457,10 @@ class SparseFactors:
 
     def negative(self) -> int:
         """Return the number of negative pivots."""
+        if not self._layout.keeps_factors and "_factors" not in self.__dict__:
+            matrix, solver = _matrix(self._layout, self._values), _solver(self._layout, "ldl")
+            solver.analysed.nfact(matrix)
+            return int(solver.analysed.neig(matrix))
         return int(np.sum(self._factors[0].full() < 0))
 
     @property
