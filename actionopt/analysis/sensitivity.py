@@ -44,7 +44,7 @@ from actionopt.tools.types import RANK, Array
 SENSITIVITY_RESOLUTION = 1e-8
 # Numbers of right-hand sides that are solved for at once, 1 MB, of which a sparse solver holds some
 # copies, and how many at least: they share a factorization. Measured: from 2 to 4 MB flat.
-AT_ONCE, FEWEST_AT_ONCE = 2**17, 16
+SOLVED_AT_ONCE, FEWEST_SOLVED = 2**17, 16
 
 
 @immutable
@@ -318,7 +318,7 @@ def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
 
 def _columns(count: int, size: int) -> Iterator[slice]:
     """Yield columns of so many rows, some at once."""
-    few = max(AT_ONCE // size, FEWEST_AT_ONCE)
+    few = max(SOLVED_AT_ONCE // size, FEWEST_SOLVED)
     for first in range(0, count, few):
         yield slice(first, first + few)
 
