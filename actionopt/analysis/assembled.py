@@ -207,7 +207,7 @@ class Coupling:
     values: Array
 
     @property
-    def transposed(self) -> Coupling:
+    def transpose(self) -> Coupling:
         """The transposed matrix."""
         return Coupling(self.cols, self.rows, self.values)
 

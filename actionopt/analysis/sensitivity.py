@@ -297,7 +297,7 @@ def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
             follow[layout.free] = between[:unknowns] * units
             by_ends = forces.reshape(*at.Q.shape, -1)[ends]
             for change, coupling in zip(by_ends, couplings, strict=True):
-                change -= tr.action_unit * coupling.transposed.times(follow, len(change))
+                change -= tr.action_unit * coupling.transpose.times(follow, len(change))
             if layout.rows:
                 bend = curvature(problem, at.Q[[ends[k]]], at.lam[[ends[k]]], t[[k]])[0]
                 by_ends[k] += form.node_weights[ends[k]] * bend @ plane[:, some]
