@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,26 +193,16 @@ class Blocks:
 
     def full(self, nonzeros: Array) -> Array:
         """Return the matrix itself, (size, size)."""
-        elements, nodes = self.split(nonzeros)
-        f = self.width
-        matrix = np.zeros((self.nodes * f, self.nodes * f))
-        for blocks, g in zip(elements, self.groups, strict=True):
-            for block, first in zip(blocks, (g.nodes[:, 0] * f).tolist(), strict=True):
-                part = slice(first, first + len(block))
-                matrix[part, part] += block
-        if nodes.any():
-            matrix.reshape(self.nodes, f, self.nodes, f)[self.offsets, :, self.offsets] += nodes
-        self._fold(matrix.reshape(self.nodes, f, -1))
-        self._fold(matrix.T.reshape(self.nodes, f, -1))
-        return matrix[self._index]
+        size = self.places.size
+        return np.bincount(self._flat, nonzeros, size * size + 1)[:-1].reshape(size, size)
 
     @cached_property
-    def _index(self) -> tuple[Any, ...]:
-        """Index of the rows and columns at `places`: slices where the places are consecutive."""
-        first, size = self.places[:1].sum(), self.places.size
-        if (self.places == first + np.arange(size)).all():
-            return slice(first, first + size), slice(first, first + size)
-        return np.ix_(self.places, self.places)
+    def _flat(self) -> NDInt:
+        """Where each nonzero stands in the full matrix, row by row; behind it what is nowhere."""
+        size = self.places.size
+        numbers = self._numbers(nowhere=size * size)
+        flat = np.concatenate([(at[:, :, None] * size + at[:, None, :]).ravel() for at in numbers])
+        return np.minimum(flat, size * size)
 
     def diagonal(self, values: Array) -> Array:
         """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""
@@ -235,17 +224,21 @@ class Blocks:
     @cached_property
     def targets(self) -> tuple[NDInt, NDInt]:
         """Rows and columns of all nonzeros; -1 where there is nothing."""
-        number = np.full(self.nodes * self.width, -1)
-        number[self.places] = np.arange(self.places.size)
-        number = number.reshape(self.nodes, -1)
-        self.expand(number)
         rows, cols = [], []
-        for nodes in (*(g.nodes for g in self.groups), self.offsets[:, None]):
-            at = number[nodes].reshape(len(nodes), -1)
+        for at in self._numbers(nowhere=-1):
             row, col = np.broadcast_arrays(at[:, :, None], at[:, None, :])
             rows.append(row.ravel())
             cols.append(col.ravel())
         return np.concatenate(rows), np.concatenate(cols)
+
+    def _numbers(self, nowhere: int) -> list[NDInt]:
+        """Return the rows in the full matrix of the blocks of each degree, and of the nodes."""
+        number = np.full(self.nodes * self.width, nowhere)
+        number[self.places] = np.arange(self.places.size)
+        number = number.reshape(self.nodes, -1)
+        self.expand(number)
+        of_nodes = [g.nodes for g in self.groups] + [self.offsets[:, None]]
+        return [number[nodes].reshape(len(nodes), -1) for nodes in of_nodes]
 
 
 class Condensed:
