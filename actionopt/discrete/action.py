@@ -258,10 +258,8 @@ class Action:
         Q = self.straight()
         duration = problem.duration
         x = self.pack(Q)[: self.layout.unknowns]
-        second = self.second(x)
-        C = second[2]
-        if not system.structure.steady:  # where a search begins they are asked for again
-            self.place(x).second = [values.copy() for values in second]
+        self.keep_second(x)  # where a search begins they are asked for again
+        C = self.second(x)[2]
         self.inertia = C[len(C) // 2].copy()
         inertias = diagonal(system, 2, C) * self.lengths**2 / duration ** (2 * self.order - 1)
         good = inertias[np.isfinite(inertias) & (inertias > 0)]
@@ -842,6 +840,11 @@ class Action:
             return point.second
         self.counts["second"] += 1
         return function(point.at, point.v, self.times, p)
+
+    def keep_second(self, x: Array) -> None:
+        """Keep what `second` returns at x, until it is asked for at another."""
+        if not self.problem.system.structure.steady:  # then that keeps it
+            self.place(x).second = [values.copy() for values in self.second(x)]
 
     def forces(self, x: Array) -> list[Array]:
         """Return the nonzeros of dQ/dq and dQ/dv, each (evaluations, nonzeros)."""

@@ -10,6 +10,8 @@ a large mu, does not shorten the steps along all the others, as it would without
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from actionopt.discrete.factors import Factors, product
@@ -60,7 +62,7 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
 
     Coordinates `far` times their own size have run away.
     """
-    mu, count, first, last, least, looked = 0.0, 0, z, None, None, FAR_OUT
+    mu, lower_mu, count, first, last, least, looked = 0.0, 0.0, 0, z, None, None, FAR_OUT
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
         while count < DESCENT_STEPS and np.abs(z).max() < far:
@@ -69,16 +71,16 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
                 if _falls(tr, first, z - first):
                     return Descended(z, False, True, count)
                 looked = 2 * farthest
-            H, K = tr.kkt(z), tr.kinetic(z)
-            if not (np.isfinite(H).all() and np.isfinite(K).all()):
+            here = _Curvature(tr, z)
+            if not np.isfinite(here.H).all():
                 break
             # Asked where a shift has failed, and then as long as S bends down along the last step.
             bends = least is not None and least > 0
-            least = _least_mu(tr, H, K, last) if bends and last is not None else None
-            while (least and mu < least) or not (factors := _shifted(tr, H, K, mu)).definite():
+            least = here.least_mu(last) if bends and last is not None else None
+            while (least and mu < least) or not (factors := here.shifted(mu)).definite():
                 if least is None:
-                    least = _least_mu(tr, H, K, loose_constants(tr) if last is None else last)
-                mu = max(RAISE_MU * mu, FIRST_MU)
+                    least = here.least_mu(here.steepest(gradient) if last is None else last)
+                mu = lower_mu if mu < lower_mu else max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:  # or the mass is not positive: then there is no lowest action
                     return Descended(z, False, _runs_away(tr, first, z), count)
             while True:
@@ -95,35 +97,56 @@ def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:
                     return Descended(z, False, _runs_away(tr, first, z), count)
-                factors = _shifted(tr, H, K, mu)
+                factors = here.shifted(mu)
             before, (z, action) = z, lower
             last = z - before
             gradient = tr.gradient(z)
-            if mu == 0.0 and (z == before + step).all():  # not of a step that was shortened
+            whole = (z == before + step).all()
+            if mu == 0.0 and whole:
                 second = factors.solve(gradient)
                 if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
                     return Descended(z - second, True, False, count)
-            mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
+            lower_mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
+            mu = 0.0 if whole else lower_mu
     return Descended(z, False, bool(np.abs(z).max() >= far), count)
 
 
-def _shifted(tr: Transcription, H: Array, K: Array, mu: float) -> Factors:
-    """Return the factors of H + mu K."""
-    return Factors(tr.layout, H + mu * K if mu else H)
+class _Curvature:
+    """The Hessian H of S at a path, and its kinetic part K, which is computed when it is needed."""
 
+    def __init__(self, tr: Transcription, z: Array) -> None:
+        self.tr, self.z = tr, z
+        tr.keep_second(z)
+        self.H = tr.kkt(z)
 
-def _least_mu(tr: Transcription, H: Array, K: Array, step: Array) -> float:
-    """Return a mu below which H + mu K bends down along a step, and need not be factorized.
+    @cached_property
+    def K(self) -> Array:  # noqa: N802
+        return self.tr.kinetic(self.z)
 
-    By Rayleigh's quotient, which is nearly the least mu where steps run away: along the last one.
-    Along constants, which cost no velocities, it is infinite.
-    """
-    if not step.any():
-        return 0.0
-    bend, metric = (float(step @ product(tr.layout, A, step)) for A in (H, K))
-    if metric > 0:
-        return -bend / metric * (1 - QUOTIENT_ROUNDOFF)
-    return np.inf if bend < 0 else 0.0
+    def shifted(self, mu: float) -> Factors:
+        """Return the factors of H + mu K."""
+        return Factors(self.tr.layout, self.H + mu * self.K if mu else self.H)
+
+    def least_mu(self, step: Array) -> float:
+        """Return a mu below which H + mu K bends down along a step, and need not be factorized.
+
+        By Rayleigh's quotient, which is nearly the least mu where steps run away: along the last
+        one. Along constants, which cost no velocities, it is infinite.
+        """
+        if not step.any():
+            return 0.0
+        bend, metric = (float(step @ product(self.tr.layout, A, step)) for A in (self.H, self.K))
+        if metric > 0:
+            return -bend / metric * (1 - QUOTIENT_ROUNDOFF)
+        return np.inf if bend < 0 else 0.0
+
+    def steepest(self, gradient: Array) -> Array:
+        """Return the variation of steepest descent in the metric K, or by a constant that is loose.
+
+        Measured on pendulums, wells and charges: from a straight line the least mu is hardly more.
+        """
+        away, metric = loose_constants(self.tr), Factors(self.tr.layout, self.K)
+        return away if away.any() or not metric.definite() else metric.solve(gradient)
 
 
 def loose_constants(tr: Transcription) -> Array:
