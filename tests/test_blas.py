@@ -8,7 +8,7 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.tools.blas import by_each, cholesky, one_thread, thread_count
+from actionopt.tools.blas import by_each, cholesky, lu, one_thread, thread_count
 
 OSCILLATOR = systems.oscillator()
 PROBLEM = ao.Problem(OSCILLATOR, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5]))
@@ -87,6 +87,22 @@ def test_positive_definite_matrices_are_solved_from_their_factor(monkeypatch, kn
         A[-1, -1] -= 1 / np.linalg.inv(A)[-1, -1] * (1 + 1e-6)  # which makes it just indefinite
         with pytest.raises(np.linalg.LinAlgError):
             cholesky(A)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_regular_matrices_are_solved_from_their_factors_as_numpy_does(monkeypatch, known):
+    if not known:
+        monkeypatch.setattr("actionopt.tools.blas._library", lambda: None)
+    rng = np.random.default_rng(6)
+    for rows in (1, 7, 60):
+        A, b = rng.normal(size=(rows, rows)), rng.normal(size=(rows, 3))
+        given = A.copy(), b.copy()
+        solve = lu(A)
+        for right in (b[:, 0], b):
+            assert np.array_equal(solve(right), np.linalg.solve(A, right))  # by the same routines
+        assert np.array_equal(A, given[0]) and np.array_equal(b, given[1])
+        with pytest.raises(np.linalg.LinAlgError):
+            lu(0 * A)(b)
 
 
 def test_a_matrix_times_each_of_a_stack():

@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.layout import SLIM, BorderedLayout, MatrixLayout, Pattern
-from actionopt.tools.blas import cholesky
+from actionopt.tools.blas import cholesky, lu
 from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
 
-# The first three are where two costs cross, never timed with care. The others are ad hoc: a third
+# The first two are where two costs cross, never timed with care. The others are ad hoc: a third
 # of each or three times as much (but `REFINEMENTS`) changes no iteration on any scene.
-TINY = 50  # unknowns and rows of a full matrix of which two solutions cost more than its inverse
 # Unknowns and rows from which they take less than a full matrix, if there are to be many. Measured:
 # of one coordinate and 47 unknowns 3 us against 60, of two and 94 7 against 40; the pattern 400.
 SPARSE = 30
@@ -153,8 +152,8 @@ class Factors:
         return full(self.layout, self.nonzeros)
 
     @cached_property
-    def _inverse(self) -> Array:
-        return np.linalg.inv(self._full)
+    def _full_factors(self) -> Callable[[Array], Array]:
+        return lu(self._full)
 
     @property
     def cheap(self) -> bool:
@@ -183,9 +182,8 @@ class Factors:
             if x is not None:
                 return x
             self._direct = None
-        if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
-            tiny = self.layout.size <= TINY
-            return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
+        if self.layout.small:
+            return self._full_factors(right)
         if self.layout.border:  # which would fill sparse factors
             if self.layout.size > PATTERN:
                 raise np.linalg.LinAlgError("the matrix is singular")
@@ -205,7 +203,7 @@ class Factors:
         found = [self.solve(right[:, 0])]
         direct = self._even, self._definite, self._near, self._direct
         if all(way is None for way in direct) and (self.layout.small or self.layout.border):
-            return np.linalg.solve(self._full, right)
+            return self._full_factors(right)
         found += [self.solve(column) for column in right.T[1:]]
         return np.stack(found, axis=1)
 
@@ -219,7 +217,7 @@ class Factors:
             if self._accurate:
                 return x, y
         elif self.pairs and self._even is None:
-            one, other = np.linalg.solve(self._full, np.stack([one, other], axis=1)).T
+            one, other = self._full_factors(np.stack([one, other], axis=1)).T
             return one, other
         return self.solve(one), self.solve(other)
 

@@ -41,7 +41,7 @@ def singular_ends(problem: Any) -> tuple[int, int]:
 
 
 def _may_diverge(system: Any) -> bool:
-    return narrowness(system.operations(system.L)) > 0
+    return narrowness(system.lagrangian_tape) > 0
 
 
 def _kind(problem: Any, event: Any) -> int:

@@ -120,7 +120,7 @@ class _Curvature:
         self.H = tr.kkt(z)
 
     @cached_property
-    def K(self) -> Array:  # noqa: N802
+    def K(self) -> Array:
         return self.tr.kinetic(self.z)
 
     def shifted(self, mu: float) -> Factors:
