@@ -86,6 +86,28 @@ def test_shifts_below_the_curvature_along_the_last_step_are_not_factorized(monke
     assert len(tried) <= 2.8 * sum(tried)
 
 
+def test_the_first_shift_is_sought_from_the_curvature_along_the_steepest_descent(monkeypatch):
+    """A long swing asks for a mu of one; shifts from a hundredth on, each times three, fail."""
+    tr, tried = transcribed(systems.pendulum(g=98.1), ([1.0], [2.0]), 1.5), []
+
+    def definite(self):
+        tried.append(known(self))
+        return tried[-1]
+
+    known = Factors.definite
+    monkeypatch.setattr(Factors, "definite", definite)
+    descend(tr, tr.pack(tr.straight()))
+    assert tried[:2] == [False, True] and tried.index(True, 2) <= 3  # the second is K alone
+
+
+@pytest.mark.parametrize("T", [0.6, 0.9])
+def test_after_a_whole_step_newtons_own_is_tried(T):
+    """Round the sun shifts fall from ten, and eight steps would be taken with one after another."""
+    tr = transcribed(systems.kepler(), ([1.0, 0.0], [-0.9, 0.1]), T)
+    result = descend(tr, tr.pack(tr.straight()))
+    assert result.found and result.iterations <= 6
+
+
 def test_a_mass_that_is_not_positive_has_no_lowest_action():
     light = System(lambda q, v, t: -(v[0] ** 2) / 2 - q[0] ** 2 / 2, ["x"])
     tr = transcribed(light, ([1.0], [0.5]), 1.0)
