@@ -1015,13 +1015,19 @@ def test_first_lines_pass_a_disc_on_either_side():
 
 def test_how_far_a_matrix_has_to_be_shifted(monkeypatch):
     monkeypatch.setattr(descent, "product", lambda layout, A, step: A @ step)
-    tr: Any = fake(layout=None)
     H, K, step = np.diag([-6.0, 1.0]), np.diag([2.0, 0.0]), np.array([3.0, 1.0])
-    least = descent._least_mu(tr, H, K, step)
+
+    def least_mu(H, step):
+        tr: Any = fake(
+            layout=None, keep_second=lambda z: None, kkt=lambda z: H, kinetic=lambda z: K
+        )
+        return descent._Curvature(tr, step).least_mu(step)
+
+    least = least_mu(H, step)
     assert 0 < 53 / 18 - least < 1e-5
-    assert descent._least_mu(tr, H, K, np.zeros(2)) == 0.0
-    assert descent._least_mu(tr, -H, K, np.array([0.0, 1.0])) == np.inf
-    assert descent._least_mu(tr, H, K, np.array([0.0, 1.0])) == 0.0
+    assert least_mu(H, np.zeros(2)) == 0.0
+    assert least_mu(-H, np.array([0.0, 1.0])) == np.inf
+    assert least_mu(H, np.array([0.0, 1.0])) == 0.0
 
 
 def test_coordinates_given_nowhere_may_move_by_a_constant():
