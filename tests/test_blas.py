@@ -103,6 +103,7 @@ def test_regular_matrices_are_solved_from_their_factors_as_numpy_does(monkeypatc
         assert np.array_equal(A, given[0]) and np.array_equal(b, given[1])
         with pytest.raises(np.linalg.LinAlgError):
             lu(0 * A)(b)
+    assert lu(np.zeros((0, 0)))(np.zeros(0)).shape == (0,)
 
 
 def test_a_matrix_times_each_of_a_stack():

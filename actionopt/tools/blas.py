@@ -111,14 +111,14 @@ def cholesky(matrix: Array) -> Callable[[Array], Array]:
 
 
 def lu(matrix: Array) -> Callable[[Array], Array]:
-    """Return what solves A x = b (n,) or (n, c), for a regular A (n, n), n > 0; factors are kept.
+    """Return what solves A x = b (n,) or (n, c), for a regular A (n, n); its factors are kept.
 
     LAPACK's `dgetrf` and `dgetrs`, to the bit what `numpy.linalg.solve` returns, which factorizes
     for each solution: at 94 rows one from the factors takes a tenth. Raises
     numpy.linalg.LinAlgError if A is singular, at the first solution where they are not at hand.
     """
     library = _library()
-    if not hasattr(library, "scipy_dgetrs_64_"):
+    if not len(matrix) or not hasattr(library, "scipy_dgetrs_64_"):
         return lambda right: np.linalg.solve(matrix, right)
     assert library is not None
     factor, pivots = np.array(matrix.T, dtype=float, order="C"), np.empty(len(matrix), np.int64)
