@@ -19,6 +19,7 @@ import numpy as np
 
 from actionopt.analysis.flow import IntegrationError
 from actionopt.analysis.shooting import (
+    ARRIVAL_TOL,
     aim,
     close,
     directions,
@@ -26,6 +27,7 @@ from actionopt.analysis.shooting import (
     motions,
     on_constraints,
     shoot,
+    speeds,
     velocities,
 )
 from actionopt.analysis.solution import Solution, SolveError
@@ -64,7 +66,7 @@ SAME_COARSE_PATH = 1e-3
 SAME_VELOCITY = 1e-3
 SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the same
 FAMILY_REACH = 1e6  # what goes farther does so by round-off alone
-VELOCITY_DIVISIONS, VELOCITY_PARTS = 5, 32  # 2^25, to a guess as good as single precision
+VELOCITY_DIVISIONS, VELOCITY_PARTS = 5, 32  # most, 2^25: as good as single precision
 FAR_SIDE = 0.1  # of the sizes, by which ends of motions that were bisected miss where none arrives
 CONTINUATION_TOL = 1e-5  # of paths on the way to another
 SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
@@ -270,18 +272,23 @@ class Answers:
             return
         if self.problem.system.degrees_of_freedom == 0:
             return
-        rng = np.random.default_rng(self.seed)
+        rng, far = np.random.default_rng(self.seed), self.far
         if self.problem.system.degrees_of_freedom == 1:
-            v0 = velocities(self.problem, self.far, 4 * shots, rng)
+            v0 = velocities(self.problem, far, 4 * shots, rng)
             self.fastest = v0[:, -1]
             yield from self._bracket(v0)
             return
-        yield from self._aim(velocities(self.problem, self.far, shots, rng))
-        dry = 0
+        held = self.problem.system.m > 0
+        if held:  # no angle tells turns: on a closed surface ever faster motions arrive
+            far = far + 2 * np.pi * self.windings * self.problem.lengths
+        yield from self._aim(velocities(self.problem, far, shots, rng))
+        rates, units = speeds(self.problem, far)
+        fastest, dry = 1.2 * rates.max() * float(np.linalg.norm(units)), 0
         for _ in range(SHOT_BATCHES):  # with speeds like those of the paths that are known by now
             before = len(self.found)
             known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
-            speed = np.linspace(0.8 * min(known), 1.2 * max(known), shots)
+            most = fastest if held else 1.2 * max(known)
+            speed = np.linspace(0.8 * min(known), most, shots)
             speed += rng.random() * (speed[1] - speed[0])
             yield from self._aim(in_directions(self.problem, speed[None], rng))
             dry = dry + 1 if len(self.found) == before else 0
@@ -368,24 +375,36 @@ class Answers:
             miss = along @ (ends - goal[:, None])
             at = np.flatnonzero(miss[:-1] * miss[1:] <= 0)
             classes += [c] * at.size
-            rows += [(v0[:, i], v0[:, i + 1], goal, along * miss[i]) for i in at]
+            sides = (along * x for x in miss[at])
+            rows += [(v0[:, i], v0[:, i + 1], ends[:, i], ends[:, i + 1], goal, side)
+                     for i, side in zip(at, sides, strict=True)]  # fmt: skip
         if not rows:
             return
-        low, high, goals, sides = np.array(rows).transpose(1, 2, 0)
+        low, high, *ends, goals, sides = np.array(rows).transpose(1, 2, 0)
+        miss = np.stack([np.sum(sides * (q - goals), axis=0) for q in ends])
+        size = np.maximum(self.problem.lengths, self.far)[:, None]
+        linear = ARRIVAL_TOL * np.linalg.norm(sides * size, axis=0)
         inner = np.arange(1, VELOCITY_PARTS) / VELOCITY_PARTS
         for _ in range(VELOCITY_DIVISIONS):  # a hundred motions take hardly longer than one
-            v = low[:, None] + (high - low)[:, None] * inner[:, None]
-            ends = shoot(self.problem, v.reshape(len(v), 1, -1))[:, 0].reshape(v.shape)
-            left = np.sum(sides[:, None] * (ends - goals[:, None]), axis=0) > 0
-            part = np.where(left.all(axis=0), len(inner), np.argmin(left, axis=0))
-            step = (high - low) / VELOCITY_PARTS
-            low, high = low + part * step, low + (part + 1) * step
+            wide = np.flatnonzero(~(miss[0] - miss[1] < linear))
+            if not wide.size:
+                break
+            step = (high - low)[:, wide] / VELOCITY_PARTS
+            v = low[:, None, wide] + (high - low)[:, None, wide] * inner[:, None]
+            q = shoot(self.problem, v.reshape(len(v), 1, -1))[:, 0].reshape(v.shape)
+            between = np.sum(sides[:, None, wide] * (q - goals[:, None, wide]), axis=0)
+            known = np.vstack([miss[0, wide], between, miss[1, wide]])
+            part = np.argmin(known[1:] > 0, axis=0)
+            miss[:, wide] = known[[part, part + 1], np.arange(wide.size)]
+            low[:, wide] += part * step
+            high[:, wide] = low[:, wide] + step
+        part = miss[0] / np.where(miss[0] > miss[1], miss[0] - miss[1], 1.0)
+        v = low + (high - low) * np.where(np.isfinite(part), part, 0.5)
         kept = np.arange(len(classes))
         if self.problem.system.m:  # the far side of a closed curve changes the sign as well
-            apart = shoot(self.problem, low[:, None])[:, 0] - goals
-            size = np.maximum(self.problem.lengths, self.far)[:, None]
+            apart = shoot(self.problem, v[:, None])[:, 0] - goals
             kept = np.flatnonzero(np.all(np.abs(apart) < FAR_SIDE * size, axis=0))
-        yield from self._arrivals([classes[i] for i in kept], ((low + high) / 2)[:, kept])
+        yield from self._arrivals([classes[i] for i in kept], v[:, kept])
 
     def _arrivals(self, classes: list[Winding], v0: Array) -> Iterator[Start]:
         """Yield motions with velocities v0 (n, K) that nearly arrive."""
