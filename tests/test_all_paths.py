@@ -275,11 +275,41 @@ def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkey
     problem = ao.Problem(system, ao.Event(0.0, [0.2]), ao.Event(3.0, [0.5]))
     run, met = Answers(problem, 1e-8, (), 0, 0, None), []
     monkeypatch.setattr(run, "_arrivals", lambda classes, v0: met.extend(v0[0]) or ())
+    shot = []
+    monkeypatch.setattr(searches, "shoot", lambda *v: shot.append(1) or shooting.shoot(*v))
     assert list(run._bracket(np.linspace(-3.0, 3.0, 7)[None])) == []
-    assert met
+    assert met and len(shot) < 5  # the first, and divisions until the miss is linear between two
     for v in met:
         angle, _ = integrated(lambda t, y: [y[1], -np.sin(y[0])], [0.2, v], 0.0, 3.0)(3.0)
-        assert angle == pytest.approx(0.5, abs=0.02)
+        assert angle == pytest.approx(0.5, abs=1e-4)
+
+
+def test_under_constraints_turns_say_how_fast_motions_are_tried(monkeypatch):
+    bob = systems.particle("x y z", constraint=lambda q, t: q @ q - 1)
+    ends = ao.Event(0.0, [1.0, 0.0, 0.0]), ao.Event(2.0, [0.0, 1.0, 0.0])
+
+    def fastest(windings):
+        run, tried = Answers(ao.Problem(bob, *ends), 1e-8, (), windings, 0, None), []
+        known = (SimpleNamespace(start=SimpleNamespace(v=[v])) for v in (1.0, 100.0))
+        run.found = [(path, (), "") for path in known]
+        monkeypatch.setattr(run, "_aim", lambda v0: tried.append(v0) or ())
+        assert list(run._forward_shots(20)) == []
+        return np.linalg.norm(np.concatenate(tried, axis=1), axis=0).max()
+
+    assert 2 * np.pi / 2.0 < fastest(1) < fastest(2) < 50
+
+
+@pytest.mark.slow
+def test_a_search_on_a_sphere_ends_and_keeps_the_slow_paths():
+    """Great circles through two points, either way round: pi / 3, 5 pi / 3, and 2 pi k more."""
+    bob = systems.particle("x y z", constraint=lambda q, t: q @ q - 1)
+    places = [1.0, 0.0, 0.0], [0.5, np.sqrt(0.75), 0.0]
+    problem = ao.Problem(bob, *(ao.Event(float(t), q) for t, q in enumerate(places)))
+    found = solve_all(problem, starts=0, continuations=0)
+    ways = np.sqrt(2 * np.array([s.action for s in found]))
+    exact = np.pi / 3 * np.array([1, 5, 7])
+    np.testing.assert_allclose(ways[:3], exact, atol=1e-7)
+    assert len(found) < 8
 
 
 @pytest.mark.long

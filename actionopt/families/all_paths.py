@@ -194,6 +194,8 @@ def solve_all(
     windings : int
         Most additional turns of each angle, either way; of a closed path, in its advance. Of more
         than 1000 combinations, as one turn of 7 angles has, the 1000 of fewest turns are tried.
+        Under constraints, where ever faster motions may arrive, it says how fast those are that
+        several degrees of freedom are tried with: as such turns of the coordinates' sizes are.
     starts : int
         Curves, in each class of windings, from which least and deflated solves start.
     shots : int
