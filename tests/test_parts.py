@@ -453,7 +453,8 @@ def test_velocities_between_which_the_end_is_passed_are_halved(monkeypatch):
     ends = [
         fake(turns=(k,), problem=fake(end=fake(q=[q], t=1.0))) for k, q in enumerate((0.0, 3.0))
     ]
-    vars(search).update(problem=fake(system=fake(m=0)), classes=ends, tell=lambda *_: None)
+    problem = fake(system=fake(m=0), lengths=np.ones(1))
+    vars(search).update(problem=problem, classes=ends, tell=lambda *_: None, far=np.ones(1))
     monkeypatch.setattr(searches, "directions", lambda problem, q, t: np.eye(1))
     search._arrivals = lambda classes, v0: zip(classes, v0[0], strict=True)
     monkeypatch.setattr(searches, "shoot", lambda problem, v0: v0**2 - 1)
