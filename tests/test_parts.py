@@ -732,7 +732,7 @@ def test_durations_are_those_of_motions_or_of_the_line(monkeypatch, known, of_li
 def test_forward_motions_are_tried_where_ends_are_given(monkeypatch):
     def search(closed=False, n=2, pinned=2, freedom=2, found=()):
         whole = fake(pinned=tuple(range(pinned)))
-        system = fake(n=n, degrees_of_freedom=freedom)
+        system = fake(n=n, m=0, degrees_of_freedom=freedom)
         problem = fake(system=system, start=whole, end=fake(pinned=tuple(range(n))))
         made = fake(problem=problem, closed=closed, seed=0, far=None, found=list(found))
         made._close = lambda shots: iter(["close"])

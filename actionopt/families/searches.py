@@ -278,17 +278,18 @@ class Answers:
             self.fastest = v0[:, -1]
             yield from self._bracket(v0)
             return
-        held = self.problem.system.m > 0
-        if held:  # no angle tells turns: on a closed surface ever faster motions arrive
+        fastest, dry = 0.0, 0
+        if (
+            self.problem.system.m
+        ):  # no angle tells turns: on a closed surface ever faster ones arrive
             far = far + 2 * np.pi * self.windings * self.problem.lengths
+            rates, units = speeds(self.problem, far)
+            fastest = 1.2 * rates.max() * float(np.linalg.norm(units))
         yield from self._aim(velocities(self.problem, far, shots, rng))
-        rates, units = speeds(self.problem, far)
-        fastest, dry = 1.2 * rates.max() * float(np.linalg.norm(units)), 0
         for _ in range(SHOT_BATCHES):  # with speeds like those of the paths that are known by now
             before = len(self.found)
             known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
-            most = fastest if held else 1.2 * max(known)
-            speed = np.linspace(0.8 * min(known), most, shots)
+            speed = np.linspace(0.8 * min(known), fastest or 1.2 * max(known), shots)
             speed += rng.random() * (speed[1] - speed[0])
             yield from self._aim(in_directions(self.problem, speed[None], rng))
             dry = dry + 1 if len(self.found) == before else 0
