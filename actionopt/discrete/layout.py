@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import FULL_SIZE, Blocks
 from actionopt.discrete.boundaries import find_boundaries
-from actionopt.discrete.element import element
+from actionopt.discrete.element import Element, element
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
@@ -134,7 +134,6 @@ class Layout(MatrixLayout):
         self.unseen = self._find_unseen()
 
         self.width = system.order * n
-        self.shapes = [element(g.rule.degree, system.order) for g in self.groups]
         number = np.full((self.node_count, self.width), -1 if system.order > 1 else 0)
         if system.order > 1:
             for g, shape_of in zip(self.groups, self.shapes, strict=True):
@@ -159,6 +158,11 @@ class Layout(MatrixLayout):
         if m:
             self._number_rows(in_force)
         self._bordered: dict[int, BorderedLayout] = {}
+
+    @cached_property
+    def shapes(self) -> list[Element]:
+        """The polynomials of each degree; of paths of order one nobody asks for them."""
+        return [element(g.rule.degree, self.system.order) for g in self.groups]
 
     def _find_unseen(self) -> tuple[NDInt, NDInt]:
         """Return the evaluations at open ends of elements, of no weight, and those next to them."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, overload
 
 import casadi as ca
@@ -66,7 +65,7 @@ class Once(Generic[T]):
             return kept[self.name]
 
 
-@dataclass(frozen=True)
+@immutable
 class Structure:
     """The dependences of a system's derivatives, read off their expressions once.
 

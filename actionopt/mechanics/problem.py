@@ -554,15 +554,15 @@ class Problem:
 
         Raises ValueError if it is no equilibrium or no saddle, or the energies differ.
         """
+        return self._rest(self.start), self._rest(self.end)
+
+    def _rest(self, event: Event) -> Rest | None:
+        if not event.side:
+            return None
         from actionopt.mechanics.rest import rest
 
-        found = [
-            rest(self.system, self.packed, np.array(e.near, dtype=float), e.t, e.side)
-            if e.side
-            else None
-            for e in (self.start, self.end)
-        ]
-        return found[0], found[1]
+        near = np.array(event.near, dtype=float)
+        return rest(self.system, self.packed, near, event.t, event.side)
 
     @cached_property
     def boundaries(self) -> tuple[Instant, ...]:
