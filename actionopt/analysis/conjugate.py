@@ -214,19 +214,20 @@ class Phases:
         return np.sort(theta, axis=1)
 
 
-def _lift(before: Array, now: Array) -> tuple[Array, float]:
-    """Return the phases `now` (r,) continued from `before`, and the largest move between them.
+def _lift(before: Array, now: Array) -> tuple[Array, Array]:
+    """Return the phases `now` (A, r) continued from `before`, and the largest moves (A,) to them.
 
     Sorted phases on a circle keep their order: only how many have passed pi is to be found. None
     passes it backwards but by rounding, at a root, however near that seems.
     """
-    r = before.size
-    lifted = sliding_window_view(np.concatenate([now, now + np.pi]), r)
-    if now[-1] >= np.pi - BACKWARDS:
-        lifted = np.vstack([np.r_[now[-1] - np.pi, now[:-1]], lifted])
-    moves = np.abs(lifted - before).max(axis=1)
-    least = int(np.argmin(moves))
-    return lifted[least], float(moves[least])
+    back = np.concatenate([now[:, -1:] - np.pi, now[:, :-1]], axis=1)
+    ahead = np.concatenate([now, now + np.pi], axis=1)
+    windows = sliding_window_view(ahead, before.shape[1], axis=1)
+    lifted = np.concatenate([back[:, None], windows], axis=1)
+    moves = np.abs(lifted - before[:, None]).max(axis=2)
+    moves[now[:, -1] < np.pi - BACKWARDS, 0] = np.inf
+    each, least = np.arange(len(now)), np.argmin(moves, axis=1)
+    return lifted[each, least], moves[each, least]
 
 
 def _roots(phases: Phases) -> list[float]:
@@ -250,7 +251,7 @@ def _roots(phases: Phases) -> list[float]:
         stack = [(times[k], values[k], times[k + 1], values[k + 1])]
         while stack:
             a, at_a, b, at_b = stack.pop()
-            lifted, move = _lift(at_a, at_b)
+            (lifted,), (move,) = _lift(at_a[None], at_b[None])
             if move > MATCHED_PHASE and b - a > shortest:
                 middle = (a + b) / 2
                 at_middle = phases(np.array([middle]))[0]
@@ -261,12 +262,8 @@ def _roots(phases: Phases) -> list[float]:
 
     def miss(which: NDInt, t: Array) -> Array:
         """Return by how much phases are above pi at times (A,), of these brackets."""
-        return np.array(
-            [
-                _lift(brackets[k][0], now)[0][brackets[k][1]] - np.pi
-                for k, now in zip(which, phases(t), strict=True)
-            ]
-        )
+        lifted, _ = _lift(np.array([brackets[k][0] for k in which]), phases(t))
+        return lifted[np.arange(t.size), [brackets[k][1] for k in which]] - np.pi
 
     ends = np.array([bracket[2:] for bracket in brackets], dtype=float).reshape(-1, 4).T
     roots = _zeros(miss, *ends).tolist()

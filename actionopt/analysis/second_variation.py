@@ -25,6 +25,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from actionopt.discrete.blocks import in_parts
 from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.discrete.transcription import Transcription
@@ -41,6 +42,7 @@ DELAYED_PIVOT = 1e-5  # pivots below this fraction of their block's largest wait
 BALANCED = 5  # rounds, each takes units to their roots
 BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
 ASSUMED_ERROR = 1e-3  # of a path whose own is not known
+PRODUCTS = 3  # as large as an element's matrix over all coordinates that are held at once
 
 
 @immutable
@@ -244,17 +246,19 @@ def _element_forms(
     elements: list[Array] = [np.empty(0)] * tr.mesh.elements
     kinetic: list[Array] = [np.empty(0)] * tr.mesh.elements
     for g in tr.layout.groups:
-        check_time()
-        a, b, c = (x[g.span].reshape(*g.nodes.shape, n, n) for x in coefficients)
-        Z, half = basis[g.nodes], tr.half[g.elements]
-        rate = _reduce(_kinetic(g, c, half), Z)
-        check_time()
-        whole = rate + _rest(g, a, b, half, Z)
-        if loose:
-            rate = rate + _rest(g, c / at.problem.duration**2, 0 * b, half, Z)
-        for target, reduced in ((elements, whole), (kinetic, rate)):
-            for e, block in zip(g.elements, reduced, strict=True):
-                target[e] = block
+        count = g.nodes.shape[1] * n
+        for some in in_parts(len(g.nodes), PRODUCTS * count**2):
+            check_time()
+            shape = *g.nodes.shape, n, n
+            a, b, c = (x[g.span].reshape(shape)[some] for x in coefficients)
+            own = g.elements[some]
+            Z, half = basis[g.nodes[some]], tr.half[own]
+            rate = _kinetic(g, c, half, Z, at.problem.system.has_diagonal_mass)
+            whole = rate + _rest(g, a, b, half, Z)
+            if loose:
+                rate = rate + _rest(g, c / at.problem.duration**2, 0 * b, half, Z)
+            for e, *blocks in zip(own, whole, rate, strict=True):
+                elements[e], kinetic[e] = blocks
     return elements, kinetic
 
 
@@ -375,8 +379,8 @@ def tangent(problem: Problem, q: Array, t: Array, units: Array) -> Array:
     system = problem.system
     if not system.m:
         return np.broadcast_to(np.eye(system.n), (len(q), system.n, system.n))
-    _, _, right = np.linalg.svd(normals(problem, q, t) * units)
-    return np.swapaxes(right[:, system.m :], 1, 2)
+    across = np.swapaxes(normals(problem, q, t) * units, 1, 2)
+    return np.linalg.qr(across, mode="complete")[0][:, :, system.m :]
 
 
 def check_independent(at: DiscretePath, units: Array, error: float) -> None:
@@ -532,15 +536,20 @@ def _small(values: Array) -> NDArray[np.bool_]:
     return size < DELAYED_PIVOT * size.max()
 
 
-def _kinetic(g, c: Array, half: Array) -> Array:
-    """Return int eta'.c eta' dt of the elements of a group, (E, d + 1, n, d + 1, n).
+def _kinetic(g, c: Array, half: Array, Z: Array, diagonal: bool) -> Array:
+    """Return int eta'.c eta' dt of the elements of a group, (E, (d + 1) r, (d + 1) r).
 
-    c (E, d + 1, n, n) is L_vv at the nodes, `half` (E,) half the lengths. As D'W D of the rule.
+    c (E, d + 1, n, n) is L_vv at the nodes, perhaps `diagonal`, `half` (E,) half the lengths, Z
+    (E, d + 1, n, r) the bases there. As D'W D of the rule.
     """
-    E, k = c.shape[:2]
-    n = c.shape[2]
-    rate = g.rule.stiffness @ (c / half[:, None, None, None]).reshape(E, k, n * n)
-    return rate.reshape(E, k, k, n, n).transpose(0, 1, 3, 2, 4)
+    E, k, n, r = Z.shape
+    if diagonal:
+        c = np.diagonal(c, axis1=2, axis2=3)[..., None]
+    local = g.rule.stiffness @ (c / half[:, None, None, None]).reshape(E, k, -1)
+    local = local.reshape(E, k, k, n, -1)
+    moved = local * Z[:, None] if diagonal else local @ Z[:, None]
+    reduced = Z.swapaxes(2, 3)[:, :, None] @ moved
+    return reduced.swapaxes(2, 3).reshape(E, k * r, k * r)
 
 
 def _rest(g, a: Array, b: Array, half: Array, Z: Array) -> Array:
@@ -559,13 +568,6 @@ def _rest(g, a: Array, b: Array, half: Array, Z: Array) -> Array:
         result += mixed
         result += mixed.transpose(0, 3, 4, 1, 2)
     return result.reshape(E, k * r, k * r)
-
-
-def _reduce(local: Array, Z: Array) -> Array:
-    """Return Z'local Z, (E, (d + 1) r, (d + 1) r), for the bases Z (E, d + 1, n, r) of nodes."""
-    E, k, _, r = Z.shape
-    half = np.einsum("ejalb,elbs->ejals", local, Z, optimize=True)
-    return np.einsum("ejals,ejar->ejrls", half, Z, optimize=True).reshape(E, k * r, k * r)
 
 
 def curvature(problem: Problem, q: Array, lam: Array, t: Array) -> Array:
