@@ -16,7 +16,8 @@ from motions import ellipse, growing, kicked, of_scene, oscillation, pendulum
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from actionopt import Event, Mesh, Problem, Solution, State, System, integrate, solve
+from actionopt import Event, Mesh, Problem, Solution, State, System, integrate, scenes, solve
+from actionopt.analysis import picard
 from actionopt.analysis.compare import KINK_CUT, _Parts, compare
 from actionopt.analysis.flow import Flow
 
@@ -496,3 +497,17 @@ def test_where_a_motion_can_be_begun_again():
     assert _Parts.cut(parts, 0.0, 1.0) == pytest.approx(KINK_CUT)
     assert _Parts.cut(parts, 1.0, 4.0) == 3.5
     assert _Parts.cut(parts, 1.0, 3.2) is None
+
+
+@pytest.mark.long
+def test_a_motion_under_constraints_is_integrated_once_and_once_more(monkeypatch):
+    """Rates of Baumgarte's terms, which differ by the mesh, are one where panels bound them."""
+    spans, integrate_once = [], picard.PicardIntegrator._integrate
+
+    def integrate(self, state, span, *others):
+        spans.append(span)
+        return integrate_once(self, state, span, *others)
+
+    monkeypatch.setattr(picard.PicardIntegrator, "_integrate", integrate)
+    assert solve(scenes.get("rod_pendulum").problem).compare().agrees
+    assert len(spans) == 2

@@ -272,12 +272,13 @@ class PicardIntegrator:
         self, state: State, span: float, units: FlowUnits, rate: float = 10.0
     ) -> tuple[Array, Array]:
         """Return what an `Integrator` does; its `rate` is at most `DRIFT_RATE` in a panel."""
-        known = self.flow.known
-        asked = state.t, state.q.tobytes(), state.v.tobytes(), span, self.longest
-        asked += _points(self.tolerance), rate if self.flow.system.m else 0.0
+        known, points = self.flow.known, _points(self.tolerance)
+        b = self._boundaries(state.t, span, points)
+        drift = min(rate, DRIFT_RATE / float(np.diff(b).max())) if self.flow.system.m else 0.0
+        asked = state.t, state.q.tobytes(), state.v.tobytes(), span, self.longest, points, drift
         if asked not in known or known[asked][0] is None:
             with np.errstate(all="ignore"):
-                known[asked] = self._integrate(state, span, units, rate), units
+                known[asked] = self._integrate(state, span, units, b, drift), units
         panels, of = known[asked]
         if panels is None:
             found = self._cvodes(state, span, units, rate)
@@ -295,13 +296,14 @@ class PicardIntegrator:
         return q, of.v[:, None] * (v + h * once)
 
     def _integrate(
-        self, state: State, span: float, units: FlowUnits, rate: float
+        self, state: State, span: float, units: FlowUnits, b: Array, rate: float
     ) -> _Panels | None:
-        """Return the motion, None if the iteration does not settle it."""
+        """Return the motion on panels between `b`, or halves; None if the iteration settles none.
+
+        `rate` is Baumgarte's.
+        """
         flow, n, rule = self.flow, state.q.size, _rule(_points(self.tolerance))
-        b = self._boundaries(state.t, span, rule.points.size)
-        rate = min(rate, DRIFT_RATE / float(np.diff(b).max())) / span
-        rates = flow.rates(state.t, span, rate, units, rule.points.size)
+        rates = flow.rates(state.t, span, rate / span, units, rule.points.size)
         turn = (span * units.v / units.q)[:, None]
         noise = float(STEP_NOISE * np.max(abs(span) * flow.noise / units.v))
 

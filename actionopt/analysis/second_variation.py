@@ -42,7 +42,7 @@ DELAYED_PIVOT = 1e-5  # pivots below this fraction of their block's largest wait
 BALANCED = 5  # rounds, each takes units to their roots
 BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
 ASSUMED_ERROR = 1e-3  # of a path whose own is not known
-PRODUCTS = 3  # as large as an element's matrix over all coordinates that are held at once
+MATRICES_AT_ONCE = 3  # products over all coordinates of an element, of some elements at once
 
 
 @immutable
@@ -247,7 +247,7 @@ def _element_forms(
     kinetic: list[Array] = [np.empty(0)] * tr.mesh.elements
     for g in tr.layout.groups:
         count = g.nodes.shape[1] * n
-        for some in in_parts(len(g.nodes), PRODUCTS * count**2):
+        for some in in_parts(len(g.nodes), MATRICES_AT_ONCE * count**2):
             check_time()
             shape = *g.nodes.shape, n, n
             a, b, c = (x[g.span].reshape(shape)[some] for x in coefficients)
