@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import ast
-from pathlib import Path
+import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -27,12 +27,12 @@ def question(options: argparse.Namespace) -> tuple[Problem, Any]:
 
     name, settings = options.scene, dict(options.settings)
     own = name.endswith(".py")
-    if not own and Path(name).suffix:
+    if not own and os.path.splitext(name)[1]:
         raise ValueError(
             f"expected the name of a scene, or a file FILE.py that defines `problem`, found "
             f"{name!r}"
         )
-    found = scenes.from_file(Path(name), settings) if own else scenes.get(name, **settings)
+    found = scenes.from_file(name, settings) if own else scenes.get(name, **settings)
     return (found.problem, found.guess) if isinstance(found, scenes.Scene) else (found, None)
 
 

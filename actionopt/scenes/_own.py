@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import inspect
-import runpy
 import sys
-import traceback
 from collections.abc import Callable, Mapping
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 from actionopt.mechanics.problem import Problem
@@ -17,7 +14,9 @@ from actionopt.scenes._scene import Scene
 from actionopt.tools.checks import by_name
 
 
-def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Problem | Scene:
+def from_file(
+    file: str | PathLike[str], settings: Mapping[str, Any] | None = None
+) -> Problem | Scene:
     """Return what a Python file defines as `scene` or, if it defines none, as `problem`.
 
     That is a Problem, a Scene, or a function of keyword parameters that returns one. `settings`
@@ -29,6 +28,9 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
     Raises ValueError, with the line, if there is no such file, it raises or defines neither, or it
     has no such parameter.
     """
+    import runpy  # which few ask for, as pathlib
+    from pathlib import Path
+
     if not isinstance(file, (str, PathLike)):
         raise ValueError(f"expected the name of a Python file, found {file!r}")
     file, settings = Path(file), dict(by_name(settings, "parameters"))
@@ -74,8 +76,10 @@ def _check_names(made: Callable[..., Any], settings: Mapping[str, Any]) -> None:
             )
 
 
-def _place(file: Path, error: Exception) -> str:
+def _place(file: PathLike[str], error: Exception) -> str:
     """Return the file, and the last line in it that the error came through."""
+    import traceback
+
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if frame.filename == str(file)]
     if isinstance(error, SyntaxError) and error.lineno is not None:

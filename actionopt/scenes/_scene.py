@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields
+from dataclasses import KW_ONLY, field, fields
 from functools import cache, cached_property, wraps
 from types import ModuleType
 from typing import Any
@@ -101,7 +101,7 @@ class Facts(Mapping[str, Any]):
         return len(self._items)
 
 
-@dataclass(frozen=True)
+@immutable
 class Words:
     """What a page says of a scene in sentences, besides what it says of all.
 
@@ -125,7 +125,7 @@ class Words:
     beside: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@immutable
 class Measure:
     """What a scene measures whose Lagrangian is half a squared length: it is no mechanics.
 
