@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import actionopt as ao
 from actionopt.mechanics.system import System
 
 K = 7
@@ -541,5 +542,9 @@ def test_functions_that_casadi_calls_are_refused_without_derivatives():
     system = System(lambda q, v, t: v[0] ** 2 / 2 + unknown(q[0]), ["x"])
     with pytest.raises(ValueError, match=r"cannot be calculated for Cosine; give .*enable_fd"):
         system.momentum([1.0], [2.0], 0.0)
+    pushed = System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [unknown(q[0])])
+    for other in (ao.Event(1.0, [0.0]), ao.Event(1.0, None, on=lambda q, t: unknown(q[0]))):
+        with pytest.raises(ValueError, match=r"cannot be calculated for Cosine; give "):
+            ao.solve(ao.Problem(pushed, ao.Event(0.0, [1.0]), other))
     system = System(lambda q, v, t: v[0] ** 2 / 2 + known(q[0]), ["x"])
     assert system.acceleration([1.0], [2.0], 0.0) == pytest.approx([-math.sin(1.0)], abs=1e-6)

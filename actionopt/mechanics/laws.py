@@ -28,7 +28,7 @@ from actionopt.mechanics.switches import (
     switches,
 )
 from actionopt.mechanics.tables import refuse_lost_derivatives
-from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, stack
+from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, deriving, stack
 from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import Tape
 
@@ -277,17 +277,9 @@ class Laws:
         """Symbolic first and second derivatives of L and the constraint Jacobian."""
         s = self.symbols
         n = s.q.numel()
-        try:
+        with deriving("laws that CasADi differentiates, the Lagrangian twice"):
             H, g = ca.hessian(self.L, stack(s.q, s.v))
             G = ca.jacobian(self.f, self.place) if self.m else ca.SX(0, self.n)
-        except RuntimeError as error:  # of a function that is called in them
-            what = str(error).strip().splitlines()[-1]
-            raise ValueError(
-                "expected laws that CasADi differentiates, the Lagrangian twice, found that it "
-                f"cannot: {what}; give a function that is called there its derivatives, as "
-                "get_jacobian of a Callback or its option enable_fd, or make a table of its values "
-                'smooth by casadi.interpolant("V", "bspline", [x], values)'
-            ) from error
         H = ca.triu(H) if H.numel() > 4 else H
         return Derivatives(g[:n], g[n:], H[:n, :n], H[:n, n:], H[n:, n:], G)
 
@@ -297,7 +289,8 @@ class Laws:
         if found is None:
             with self.lock:
                 if name not in self._pointwise:
-                    inputs, outputs = getattr(self, f"_build_{name}")()
+                    with deriving("laws that CasADi differentiates"):
+                        inputs, outputs = getattr(self, f"_build_{name}")()
                     self._pointwise[name] = Pointwise(ca.Function(name, inputs, outputs))
                 found = self._pointwise[name]
         return found

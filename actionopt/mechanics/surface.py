@@ -20,7 +20,7 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import call, parameter_names, surface
+from actionopt.mechanics.tracing import call, deriving, parameter_names, surface
 from actionopt.tools.checks import by_name
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
@@ -89,13 +89,15 @@ class Surface:
     def _first(self) -> Pointwise:
         symbols = self._symbols
         rows = self(*symbols)
-        parts = [ca.densify(ca.jacobian(rows, x)) for x in symbols]
+        with deriving("surfaces that CasADi differentiates twice"):
+            parts = [ca.densify(ca.jacobian(rows, x)) for x in symbols]
         return Pointwise(ca.Function("on_first", symbols, [rows, *parts]))
 
     @cached_property
     def _second(self) -> Pointwise:
         symbols, mu = self._symbols, ca.SX.sym("mu", self.count)
-        curvature, _ = ca.hessian(ca.dot(mu, self(*symbols)), ca.vertcat(*symbols[:2]))
+        with deriving("surfaces that CasADi differentiates twice"):
+            curvature, _ = ca.hessian(ca.dot(mu, self(*symbols)), ca.vertcat(*symbols[:2]))
         return Pointwise(ca.Function("on_second", [*symbols, mu], [ca.densify(curvature)]))
 
     def at(self, q: Array, t: float, packed: Array) -> tuple[Array, Array, Array, Array]:

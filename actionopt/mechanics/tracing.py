@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from types import FunctionType
 from typing import Any
 
@@ -428,6 +429,21 @@ def scalar(result: Any, role: str) -> ca.SX:
             "expression, such as v @ v / 2 or v[0] ** 2 / 2"
         )
     return column(result, role, 1)
+
+
+@contextmanager
+def deriving(what: str) -> Iterator[None]:
+    """Raise ValueError, "expected `what`", where CasADi has no derivatives of what is called."""
+    try:
+        yield
+    except RuntimeError as error:
+        why = str(error).strip().splitlines()[-1]
+        raise ValueError(
+            f"expected {what}, found that it cannot: {why}; give a function that is called there "
+            "its derivatives, as get_jacobian of a Callback, jac_ functions of an external library "
+            "or the option enable_fd, or make a table of its values smooth by "
+            'casadi.interpolant("V", "bspline", [x], values)'
+        ) from error
 
 
 def _has_nan(expression: ca.SX) -> bool:
