@@ -17,6 +17,7 @@ import numpy as np
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import CLOCKED, ClockSwitches, clock
 from actionopt.mechanics.pulses import PULSES, StepArguments, may_hide, pulses, steps_along
+from actionopt.mechanics.separable import hessian
 from actionopt.mechanics.switches import (
     STEPPED,
     Switches,
@@ -278,7 +279,7 @@ class Laws:
         s = self.symbols
         n = s.q.numel()
         with deriving("laws that CasADi differentiates, the Lagrangian twice"):
-            H, g = ca.hessian(self.L, stack(s.q, s.v))
+            H, g = hessian(self.L, stack(s.q, s.v), self._arguments, lambda: self.lagrangian_tape)
             G = ca.jacobian(self.f, self.place) if self.m else ca.SX(0, self.n)
         H = ca.triu(H) if H.numel() > 4 else H
         return Derivatives(g[:n], g[n:], H[:n, :n], H[:n, n:], H[n:, n:], G)
