@@ -18,7 +18,7 @@ import numpy as np
 from actionopt.tools.tape import Node, Tape
 
 # Operations of a term, and entries of the arguments in it, most: ad hoc; two bodies have 15 and 6.
-MOST_OPERATIONS, MOST_ENTRIES = 100, 12
+TERM_OPERATIONS, TERM_ENTRIES = 100, 12
 LEAST_ALIKE = 8  # terms that are derived as one; ad hoc
 # Nonzeros a row, and rows, least, for which it is done. Measured on bodies that attract each other:
 # 20 of them are derived as fast by CasADi, 50 in twice and 100 in eight times the time.
@@ -130,7 +130,7 @@ def _form(nodes: list[Node], root: int) -> tuple[tuple, list[Entry]] | None:
             form.append((ca.OP_CONST, node.value))
         else:
             form.append((node.operation, *[places[i] for i in node.operands]))
-        if node.function is not None or len(form) > MOST_OPERATIONS or len(entries) > MOST_ENTRIES:
+        if node.function is not None or len(form) > TERM_OPERATIONS or len(entries) > TERM_ENTRIES:
             return None
     return tuple(form), list(entries)
 
