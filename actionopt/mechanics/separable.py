@@ -68,12 +68,12 @@ def hessian(
 def _terms(tape: Tape, arguments: list[ca.SX]) -> tuple[dict[tuple, list[Term]], ca.SX]:
     """Return the terms of which there are many by their form, and the sum of all others."""
 
-    def written(node: Node, operands: list[Any]) -> Any:
+    def write(node: Node, operands: list[Any]) -> Any:
         if node.kind == "input":
             return arguments[node.entry[0]][node.entry[1]]
         return node.of(operands) if operands else ca.SX(node.value)
 
-    made = tape.fold(written)
+    made = tape.fold(write)
     moves = tape.fold(lambda node, operands: any(operands) or 0 <= node.entry[0] < 2)
     found: dict[tuple, list[Term]] = defaultdict(list)
     roots: dict[tuple, list[int]] = defaultdict(list)
