@@ -39,6 +39,7 @@ from actionopt.analysis.forward import (
 from actionopt.analysis.picard import FlowAbout, PicardIntegrator
 from actionopt.analysis.second_variation import tangent
 from actionopt.analysis.series import begins_singular
+from actionopt.discrete.boundaries import sides
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.compiled import Pointwise
@@ -605,10 +606,16 @@ def _energy_drift(
         if system.m:
             lam = system.multipliers(q, v, t, parameters=parameters)
         power_at = system.memoize("power", lambda: _power(system))
-        power = power_at(q.T, v.T, t[:, None], problem.packed, lam.T)[0][:, 0]
+        # Each element on its own side of the instants at which L switches.
+        bounds = sides(mesh, problem.instants) if problem.instants else None
         work = np.empty(mesh.elements)
         for g in mesh.groups:
-            work[g.elements] = mesh.lengths[g.elements] / 2 * (power[g.nodes] @ g.rule.weights)
+            k, times = g.nodes.ravel(), t[g.nodes]
+            if bounds is not None:
+                times = np.clip(times, *(side[g.elements, None] for side in bounds))
+            power = power_at(q.T[k], v.T[k], times.reshape(-1, 1), problem.packed, lam.T[k])[0]
+            power = power.reshape(g.nodes.shape) @ g.rule.weights
+            work[g.elements] = mesh.lengths[g.elements] / 2 * power
         jumped = np.flatnonzero(np.array(mesh.degrees) == 1)
         if jumped.size:
             assert path.velocities is not None

@@ -22,8 +22,7 @@ from actionopt.tools.types import EPS, Array
 
 Instant = tuple[float, float]  # the last time before it and the first one after it
 
-# Intervals followed at once, by how many instants there may be: more are round-off. Ad hoc.
-INTERVALS = 4
+INTERVALS = 10_000  # followed at once: more of them are round-off; ad hoc, four times `SAMPLES`
 # Instants closer together, in the duration, are one, and no element is shorter. Derived: 450
 # spacings of times, so that the nodes of an element of degree 10 stay apart.
 SHORTEST = 1e-13
@@ -195,7 +194,7 @@ def _bisect(
             a, b, left, right, middle = (x[~whole] for x in (a, b, left, right, middle))
         if not a.size:
             return found
-        if a.size > INTERVALS * known.most:
+        if a.size > INTERVALS / SAMPLES * known.most:
             return None
         there = pattern(middle)
         a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
