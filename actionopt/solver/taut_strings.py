@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -49,51 +48,77 @@ class Body:
         self.second = system.pointwise("constraint_curvature")
         self.lam = np.eye(system.m)[[self.row]]
 
-    def at(self, x: Array) -> tuple[float, Array, Array]:
-        """Return f, its gradient (n,) and its second derivatives (n, n)."""
-        q = (x * self.sizes)[None]
+    def at(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return f (K,) at points (K, n), its gradient (K, n) and second derivatives (K, n, n)."""
         f, G = self._first(x)
-        H = self.second.full(0, self.second(q, self.lam, self.t, self.packed)[0], symmetric=True)[0]
-        return f, G, H * self.areas
+        H = self.second(x * self.sizes, self.lam, self.t, self.packed)[0]
+        return f, G, self.second.full(0, H, symmetric=True) * self.areas
 
-    def _first(self, x: Array) -> tuple[float, Array]:
-        G, f = self.first((x * self.sizes)[None], self.t, self.packed)
-        return float(f[0, self.row]), self.first.full(0, G)[0, self.row] * self.sizes
+    def _first(self, x: Array) -> tuple[Array, Array]:
+        G, f = self.first(x * self.sizes, self.t, self.packed)
+        return f[:, self.row].copy(), self.first.full(0, G)[:, self.row] * self.sizes
 
-    def normal(self, x: Array) -> Array:
-        """Return the normal (n,) at a point."""
+    def normals(self, x: Array) -> Array:
+        """Return the normals (K, n) at points (K, n)."""
         G = self._first(x)[1]
-        return G / max(float(np.linalg.norm(G)), EPS)
+        return G / np.maximum(np.linalg.norm(G, axis=1), EPS)[:, None]
 
-    def touching_point(self, x: Array, normal: Array) -> Array | None:
-        """Return the point near x (n,) at which a plane of this normal (n,) touches; else None."""
-        n, mu = x.size, None
-        K = np.zeros((n + 1, n + 1))
+    def touching_points(self, x: Array, normals: Array) -> Array | None:
+        """Return the points near x at which planes of these normals touch, all (K, n); else None.
+
+        None if one of them is not found.
+        """
+        count, n = x.shape
+        K = np.zeros((count, n + 1, n + 1))
+        K[:, :n, n], mu = -normals, None
         for _ in range(SUPPORT_STEPS):
             f, G, H = self.at(x)
-            mu = float(G @ normal) if mu is None else mu
-            K[:n, :n], K[:n, n], K[n, :n] = H, -normal, G
+            mu = np.sum(G * normals, axis=1) if mu is None else mu
+            K[:, :n, :n], K[:, n, :n] = H, G
+            miss = np.concatenate([mu[:, None] * normals - G, -f[:, None]], axis=1)
             try:
-                step = np.linalg.solve(K, np.append(mu * normal - G, -f))
+                step = np.linalg.solve(K, miss[:, :, None])[:, :, 0]
             except np.linalg.LinAlgError:
                 return None
-            x, mu = x + step[:n], mu + step[n]
-            if not np.isfinite(x).all() or mu <= 0:
+            x, mu = x + step[:, :n], mu + step[:, n]
+            if not (np.isfinite(x).all() and (mu > 0).all()):
                 return None
-            if np.abs(step[:n]).max() < LAST_SUPPORT_STEP:
+            if np.abs(step[:, :n]).max() < LAST_SUPPORT_STEP:
                 return x
         return None
 
-    def arc_over(self, first: Array, last: Array, side: Array) -> list[tuple[Array, Array]] | None:
-        """Return normals and points of the body along an arc between two, over its `side`."""
-        normals = [self.normal(first), side, self.normal(last)]
-        found = [(normals[0], first)]
-        for a, b in pairwise(normals):
+    def arc_over(self, first: Array, last: Array, side: Array) -> tuple[Array, Array] | None:
+        """Return normals and points (K, n) of the body along an arc between two, over its `side`.
+
+        The points are near those where rays along the normals leave the body. Where that does not
+        lead to an arc of a convex body each is looked for from the last one.
+        """
+        begin, end = self.normals(np.array([first, last]))
+        fan = [begin[None]]
+        for a, b in ((begin, side), (side, end)):
+            count = max(int(np.ceil(angle_of(a, b) / ANGLE)), 1)
+            fan.append(between(a, b, np.arange(1, count + 1) / count))
+        normals, middle = np.concatenate(fan), (first + last) / 2
+        line = middle + ACROSS[:, None, None] * normals
+        f = self.first(line.reshape(-1, middle.size) * self.sizes, self.t, self.packed)[1]
+        inside = np.logical_and.accumulate(f[:, self.row].reshape(line.shape[:2]) < 0)
+        reach = inside.sum(axis=0)  # of the rays, in steps
+        if reach.max() == ACROSS.size:
+            return None
+        points = self.touching_points(middle + ACROSS[reach][:, None] * normals, normals)
+        if points is None or (np.sum(normals[1:] * np.diff(points, axis=0), axis=1) < -EPS).any():
+            return self._arc_from(first, [begin, side, end])
+        return normals, points
+
+    def _arc_from(self, first: Array, corners: list[Array]) -> tuple[Array, Array] | None:
+        """Return the same, point by point, for normals that turn from one to the next corner."""
+        found = [(corners[0], first)]
+        for a, b in pairwise(corners):
             most = ANGLE / max(angle_of(a, b), EPS)
             done, part = 0.0, min(1.0, most)
             while done < 1.0:
-                normal = between(a, b, min(done + part, 1.0))
-                point = self.touching_point(found[-1][1], normal)
+                normal = between(a, b, np.array([min(done + part, 1.0)]))
+                point = self.touching_points(found[-1][1][None], normal)
                 if point is None:
                     part /= 2
                     if part < LEAST_TURN:
@@ -101,43 +126,43 @@ class Body:
                     continue
                 done += part
                 part = min(2 * part, most)
-                found.append((normal, point))
-        return found
+                found.append((normal[0], point[0]))
+        normals, points = zip(*found, strict=True)
+        return np.array(normals), np.array(points)
 
-    def taut_string(
-        self, chain: list[tuple[Array, Array]], ways: Ways
-    ) -> tuple[Array, Array] | None:
+    def taut_string(self, chain: tuple[Array, Array], ways: Ways) -> tuple[Array, Array] | None:
         """Return the times (K,) and points (K, n) at which a taut string lies on the body.
 
         `chain` are normals and points of support around the body. The string lies on it from where
         a tangent leads to its one end to where a tangent leads to the other; None if nowhere.
         """
-        found = []
-        for way, first in ((chain, True), (chain[::-1], False)):
-            off = partial(ways.beyond, first=first)
-            k, before, behind = 0, 0.0, off(*way[0])
-            while k + 1 < len(way) and not behind > 0:
-                k, before, behind = k + 1, behind, off(*way[k + 1])
-            if k == 0 or not behind > 0:
+        normals, points = chain
+        cosines = ways.beyond(*chain)
+        beyond = cosines[0] > 0, cosines[1][::-1] > 0
+        inner = [int(np.argmax(x)) for x in beyond]
+        if not all(inner):  # at an end already, or nowhere
+            return None
+        last = len(points) - 1
+        # The places before and behind, at either end, and the cosines there.
+        at = np.array([[inner[0] - 1, last - inner[1] + 1], [inner[0], last - inner[1]]])
+        low, high = normals[at]
+        ends, off = points[at[0]], cosines[[0, 1], at]
+        for _ in range(ANGLE_STEPS):
+            part = off[0] / (off[0] - off[1])
+            turned = np.array([between(*x) for x in zip(low, high, part, strict=True)])
+            ends = self.touching_points(ends, turned)
+            if ends is None:
                 return None
-            (low, x), high = way[k - 1], way[k][0]
-            for _ in range(ANGLE_STEPS):
-                normal = between(low, high, before / (before - behind))
-                point = self.touching_point(x, normal)
-                if point is None:
-                    return None
-                cosine = off(normal, point)
-                if cosine > 0:
-                    high, before, behind = normal, before / 2, cosine
-                else:
-                    low, x, before, behind = normal, point, cosine, behind / 2
-                if abs(cosine) < LAST_COSINE:
-                    break
-            found.append((k, x))
-        (k, begin), (l, end) = found
-        points = np.array([begin, *(x for _, x in chain[k : len(chain) - l]), end])
+            cosine = np.diagonal(ways.beyond(turned, ends))
+            if np.abs(cosine).max() < LAST_COSINE:
+                break
+            behind = cosine > 0
+            low, high = (np.where(x[:, None], *y) for x, y in ((behind, (low, turned)), (behind, (turned, high))))
+            off = np.where(behind, [off[0] / 2, cosine], [cosine, off[1] / 2])
+        inside = points[inner[0] : last - inner[1] + 1]
+        points = np.concatenate([ends[:1], inside, ends[1:]])
         lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-        t, arrival, _ = ways.passing(begin, end, lengths[-1])
+        t, arrival, _ = (x[0] for x in ways.passing(ends[:1], ends[1:], lengths[-1]))
         speed = max(float(np.linalg.norm(arrival)), EPS)
         return t + lengths / speed, points
 
@@ -147,11 +172,11 @@ def angle_of(a: Array, b: Array) -> float:
     return float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
 
 
-def between(a: Array, b: Array, part: float) -> Array:
-    """Return the unit vector that is a part of the way from a to b, both unit vectors (n,)."""
-    angle = angle_of(a, b)
+def between(a: Array, b: Array, part: Array | float) -> Array:
+    """Return unit vectors that are parts (K,) of the way from a to b, unit vectors (n,): (K, n)."""
+    angle, part = angle_of(a, b), np.asarray(part)[..., None]
     if angle == 0.0:
-        return b
+        return b + 0 * part
     return (np.sin((1 - part) * angle) * a + np.sin(part * angle) * b) / np.sin(angle)
 
 
@@ -175,33 +200,38 @@ class Ways:
     before: tuple[float, Array]
     behind: tuple[float, Array]
 
-    def passing(self, x: Array, y: Array, length: float) -> tuple[float, Array, Array]:
-        """Return when it comes to x so that it leaves y as fast, and both velocities (n,).
+    def passing(self, x: Array, y: Array, length: float) -> tuple[Array, Array, Array]:
+        """Return when it comes to x so that it leaves y as fast, (C,), and both velocities (C, n).
 
-        From x to y, both (n,), it goes a `length` at one speed.
+        From x to y, both (C, n), it goes a `length` at one speed.
         """
         t, q, v, (a, before), (b, behind) = self.times, self.q, self.v, self.before, self.behind
-        arrival = v + (x - q - before) / (t - a)[:, None]
-        speeds = np.linalg.norm(arrival, axis=1)
+        arrival = v + (x[:, None] - q - before) / (t - a)[:, None]
+        speeds = np.linalg.norm(arrival, axis=2)
         ends = t + length / np.maximum(speeds, EPS)
         if length:
-            q, v = (np.array([np.interp(ends, t, row) for row in z.T]).T for z in (q, v))
-        departure = v + (behind - (y - q)) / np.maximum(b - ends, EPS)[:, None]
-        slower = speeds - np.linalg.norm(departure, axis=1)
-        k = int(np.argmax((slower < 0) | (ends >= b)))
-        if k == 0:
-            return t[0], arrival[0], departure[0]
-        part = np.clip(slower[k - 1] / max(slower[k - 1] - slower[k], EPS), 0.0, 1.0)
-        return tuple(z[k - 1] + part * (z[k] - z[k - 1]) for z in (t, arrival, departure))
+            q, v = (np.stack([np.interp(ends, t, row) for row in z.T], axis=2) for z in (q, v))
+        departure = v + (behind - (y[:, None] - q)) / np.maximum(b - ends, EPS)[:, :, None]
+        slower = speeds - np.linalg.norm(departure, axis=2)
+        first, each = np.argmax((slower < 0) | (ends >= b), axis=1), np.arange(len(x))
+        last = np.maximum(first - 1, 0)
+        off = slower[each, last]
+        part = np.clip(off / np.maximum(off - slower[each, first], EPS), 0.0, 1.0)[:, None]
+        times = np.broadcast_to(t[:, None], (len(x), t.size, 1))
+        when, arrival, departure = (
+            z[each, last] + part * (z[each, first] - z[each, last])
+            for z in (times, arrival, departure)
+        )
+        return when[:, 0], arrival, departure
 
-    def beyond(self, normal: Array, x: Array, first: bool) -> float:
-        """Return a cosine, above zero beyond where it comes to the body first, or leaves it last.
+    def beyond(self, normals: Array, x: Array) -> Array:
+        """Return cosines (2, C), above zero beyond where it comes to the body first, leaves it last.
 
-        It is that of the angle between the normal and the way there.
+        They are those of the angles between normals and the way to or from points x, both (C, n).
         """
         _, arrival, departure = self.passing(x, x, 0.0)
-        way = arrival if first else -departure
-        return float(normal @ way) / max(float(np.linalg.norm(way)), EPS)
+        ways = np.stack([arrival, -departure])
+        return np.sum(normals * ways, axis=2) / np.maximum(np.linalg.norm(ways, axis=2), EPS)
 
 
 @dataclass(frozen=True)
@@ -236,7 +266,7 @@ class WayOut:
         if not rows[i, k] < 0:
             return None
         body = Body(contacts_of(found.problem), int(i), float(t[k]))
-        normal = body.normal(found.path(t[k]) / body.sizes)
+        normal = body.normals(found.path(t[[k]]).T / body.sizes)[0]
         return cls(found, float(t[k]), body, normal, looked_at)
 
     def within(self, sides: Array) -> Path | None:
@@ -258,7 +288,8 @@ class WayOut:
         q, v = (z(t).T / sizes for z in (found.path, found.path.velocity))
         ends = [(s, np.zeros(sizes.size)) for s in since[[0, -1]]]
         ways = Ways(since[1:-1], q[1:-1], v[1:-1], *ends)
-        when, _, _ = ways.passing(here + drift, here + drift, 0.0)
+        there = (here + drift)[None]
+        when = ways.passing(there, there, 0.0)[0][0]
         drift = here + drift - found.path(when + held.start.t) / sizes
         part = np.interp(since, [0.0, when, since[-1]], [0.0, 1.0, 0.0])[:, None]
         return Path(Mesh.over(held.start.t, held.end.t, since, 1), ((q + part * drift) * sizes).T)
