@@ -173,7 +173,7 @@ def test_a_string_between_free_motions_is_met_at_one_speed(length):
     t = np.linspace(0.0, 2.0, 2001)[1:-1]
     v = np.tile((B - A) / 2.0, (t.size, 1))
     ways = Ways(t, A + v * t[:, None], v, (0.0, np.zeros(2)), (2.0, np.zeros(2)))
-    when, arrival, departure = ways.passing(x, y, length)
+    when, arrival, departure = (z[0] for z in ways.passing(x[None], y[None], length))
     first, last = np.linalg.norm(x - A), np.linalg.norm(B - y)
     speed = (first + length + last) / 2.0
     assert when == pytest.approx(first / speed, abs=1e-5)
@@ -181,8 +181,9 @@ def test_a_string_between_free_motions_is_met_at_one_speed(length):
     np.testing.assert_allclose(departure, (B - y) / last * speed, atol=1e-4)
     if not length:
         up = np.array([0.0, 1.0])
-        assert ways.beyond(up, x, first=True) == pytest.approx(1 / np.sqrt(2), abs=1e-4)
-        assert ways.beyond(up, x, first=False) == pytest.approx(1 / np.sqrt(5), abs=1e-4)
+        first, last = ways.beyond(up[None], x[None])[:, 0]
+        assert first == pytest.approx(1 / np.sqrt(2), abs=1e-4)
+        assert last == pytest.approx(1 / np.sqrt(5), abs=1e-4)
 
 
 def test_motions_are_thrown_back_at_surfaces_met_at_times_that_are_found():

@@ -78,7 +78,7 @@ def tangency_step(
         moves = -np.stack([factors.solve(move) for move in (columns @ shifted).T], axis=1)
         slopes = rows @ moves + corner @ shifted
         there = DiscretePath(equations.at(z + step), (z + step)[: tr.layout.size])
-        left = np.array([slip.value for slip in slips(there)])
+        left = slip_values(there)
         across, sizes, along = np.linalg.svd(slopes, full_matrices=False)
         pressed = sizes > PRESSING * float(tr.row_units.max()) / held.duration**2
         change = -along[pressed].T @ ((across.T @ left)[pressed] / sizes[pressed])
@@ -102,7 +102,7 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
     if isinstance(equations, Bordered):
         beside, events = zip(equations.borders, equations.parts, strict=True), equations.moving
         rates = np.vstack([rates, tr.joint_rates[events]])
-    stretch, met = Stretch(at, rates), list(slips(at))
+    stretch, met = Stretch(at, rates), slips(at)
     columns, rows = np.zeros((z.size, count)), np.zeros((len(met), z.size))
     columns[: tr.layout.size] = stretch.residuals()[:, :count]
     for row, slip in zip(rows, met, strict=True):
@@ -215,8 +215,8 @@ class ContactEquations:
             equations, own = self._equations_at(y)
         except np.linalg.LinAlgError:
             return np.full(y.size, np.nan)
-        met = slips(DiscretePath(equations.at(own), own[: self.first.layout.size]))
-        return np.r_[equations.residual(own), [slip.value / self.unit for slip in met]]
+        met = slip_values(DiscretePath(equations.at(own), own[: self.first.layout.size]))
+        return np.r_[equations.residual(own), met / self.unit]
 
     def kkt(self, y: Array) -> Array:
         """Return the nonzeros of the derivative of `residual`, as the layout says."""
@@ -399,17 +399,20 @@ class Slip(NamedTuple):
         return self.group.rule.degree + 1
 
 
-def slips(at: DiscretePath) -> Iterator[Slip | Rate]:
-    """Yield how the path meets the obstacle where contact begins and ends, on the free side."""
-    held, mesh = contacts_of(at.problem), at.mesh
+def slips(at: DiscretePath) -> list[Slip] | list[Rate]:
+    """Return how the path meets the obstacle where contact begins and ends, on the free side."""
     if at.tr.order > 1:
-        yield from _rates(at)
-        return
-    for arc in held.arcs or ():
-        for t, first in ((arc.begin, False), (arc.end, True)):
-            if t not in held.fixed_times:
-                b = int(np.argmin(np.abs(mesh.boundaries - t)))
-                yield _slip(at, held.free.system.m + arc.row, b, first)
+        return list(_rates(at))
+    met = _Meetings(at)
+    return met.slips() if met.sides else []
+
+
+def slip_values(at: DiscretePath) -> Array:
+    """Return the values (S,) of what `slips` are."""
+    if at.tr.order > 1:
+        return np.array([rate.value for rate in _rates(at)])
+    met = _Meetings(at)
+    return met.values if met.sides else np.zeros(0)
 
 
 def _rates(at: DiscretePath) -> Iterator[Rate]:
@@ -429,43 +432,71 @@ def _rates(at: DiscretePath) -> Iterator[Rate]:
             yield Rate(float(value[i]), i, not arc.point, b, by_place[i], float(by_t[i]))
 
 
-def _slip(at: DiscretePath, row: int, boundary: int, first: bool) -> Slip:
-    """Return the slip of a row at a boundary, from the first or the last node of an element.
+class _Meetings:
+    """The places, S of them, where a path comes to an obstacle or leaves it, on the free side.
 
-    The velocity there satisfies the constraints in force. Newton's method from the polynomial's:
-    one step where L is quadratic in v.
+    They are the first or the last nodes of elements. The velocities there satisfy the constraints
+    in force, by Newton's method from the polynomial's: one step where L is quadratic in v.
     """
-    held, tr, mesh = contacts_of(at.problem), at.tr, at.mesh
-    element, system, packed = boundary if first else boundary - 1, held.system, held.packed
-    n, m, point = system.n, system.m, tr.place(at.x)
-    group = next(g for g in tr.layout.groups if element in g.elements)
-    size = group.rule.degree + 1
-    begin = group.span.start + size * int(np.searchsorted(group.elements, element))
-    node, sign = (0, -1.0) if first else (size - 1, 1.0)
-    i = begin + node
-    p = sign * tr.parts(at.x)[i]
-    q, v, t = point.at[i : i + 1], point.v[i].copy(), tr.times[i : i + 1]
-    jacobian = system.pointwise("constraint_jacobian")
-    normals = jacobian.full(0, jacobian(q, t, packed)[0])[0]
-    rate = system.pointwise("constraint_rate")(q, t, packed)[0][0]
-    middle = (mesh.boundaries[element] + mesh.boundaries[element + 1]) / 2
-    rows = np.flatnonzero(held.active(np.array([middle]))[:, 0])
-    G = normals[rows]
-    K = np.zeros((n + rows.size, n + rows.size))
-    K[n:, :n], K[:n, n:] = G, -G.T
-    first_of, second, lam = system.pointwise("first"), system.pointwise("second"), np.zeros(m)
-    for _ in range(1 if system.structure.constant_mass else VELOCITY_STEPS):
-        K[:n, :n] = second.full(2, second(q, v[None], t, packed)[2], symmetric=True)[0]
-        short = p - first_of(q, v[None], t, packed)[1][0]
-        found = np.linalg.solve(K, np.concatenate([short, -rate[rows] - G @ v]))
-        v, lam[rows] = v + found[:n], found[n:]
-    by = np.linalg.solve(K.T, np.concatenate([normals[row], np.zeros(rows.size)]))
-    weights = np.zeros(m)
-    weights[rows], weights[row] = -by[n:], 1.0
-    meeting = system.pointwise("meeting")
-    by_q, by_t = meeting(q, v[None], t, packed, by[None, :n], weights[None], lam[None])
-    value = float(normals[row] @ v + rate[row])
-    span = slice(begin, begin + size)
-    return Slip(
-        value, boundary, group, span, node, sign * by[:n], by_q[0].copy(), float(by_t[0, 0])
-    )
+
+    def __init__(self, at: DiscretePath) -> None:
+        self.at, self.held, tr = at, contacts_of(at.problem), at.tr
+        held, boundaries, m = self.held, tr.mesh.boundaries, self.held.free.system.m
+        # The row, the boundary, the element, those of its degree and its first evaluation.
+        self.sides: list[tuple[int, int, int, Group, int]] = []
+        for arc in held.arcs or ():
+            for t, after in ((arc.begin, False), (arc.end, True)):
+                if t not in held.fixed_times:
+                    b = int(np.argmin(np.abs(boundaries - t)))
+                    element = b if after else b - 1
+                    group = next(g for g in tr.layout.groups if element in g.elements)
+                    k = int(np.searchsorted(group.elements, element))
+                    begin = group.span.start + k * (group.rule.degree + 1)
+                    self.sides.append((m + arc.row, b, element, group, begin))
+        if self.sides:
+            self._find_velocities()
+
+    def _find_velocities(self) -> None:
+        """Find the velocities (S, n), the multipliers (S, m) with them, and the slips (S,)."""
+        at, held, tr, system = self.at, self.held, self.at.tr, self.held.system
+        n, m, point, packed = system.n, system.m, tr.place(at.x), held.packed
+        rows, where, elements, groups, begins = zip(*self.sides, strict=True)
+        first = np.array(where) == elements
+        self.node = np.where(first, 0, [g.rule.degree for g in groups])
+        self.sign, i = np.where(first, -1.0, 1.0)[:, None], begins + self.node
+        p, v = self.sign * tr.parts(at.x)[i], point.v[i]
+        self.q, self.t = point.at[i], tr.times[i]
+        jacobian = system.pointwise("constraint_jacobian")
+        normals = jacobian.full(0, jacobian(self.q, self.t, packed)[0])
+        rate = system.pointwise("constraint_rate")(self.q, self.t, packed)[0]
+        b, each = tr.mesh.boundaries, np.arange(len(rows))
+        self.on = held.active((b[elements,] + b[np.add(elements, 1),]) / 2).T
+        G = normals * self.on[:, :, None]
+        self.K = np.zeros((each.size, n + m, n + m))
+        self.K[:, n:, :n], self.K[:, :n, n:] = G, -G.transpose(0, 2, 1)
+        self.K[:, range(n, n + m), range(n, n + m)] = ~self.on  # no multipliers of the others
+        first_of, second = system.pointwise("first"), system.pointwise("second")
+        for _ in range(1 if system.structure.constant_mass else VELOCITY_STEPS):
+            mass = second(self.q, v, self.t, packed)[2]
+            self.K[:, :n, :n] = second.full(2, mass, symmetric=True)
+            short = p - first_of(self.q, v, self.t, packed)[1]
+            off = -self.on.astype(float) * rate - (G @ v[:, :, None])[:, :, 0]
+            found = np.linalg.solve(self.K, np.concatenate([short, off], axis=1)[:, :, None])
+            v, self.lam = v + found[:, :n, 0], found[:, n:, 0]
+        self.v, self.normal = v, normals[each, rows]
+        self.values = np.sum(self.normal * v, axis=1) + rate[each, rows]
+
+    def slips(self) -> list[Slip]:
+        """Return the slips with their derivatives."""
+        n, (rows, where, _, groups, begins) = self.q.shape[1], zip(*self.sides, strict=True)
+        right = np.concatenate([self.normal, np.zeros(self.lam.shape)], axis=1)
+        by = np.linalg.solve(self.K.transpose(0, 2, 1), right[:, :, None])[:, :, 0]
+        by_p, weights = self.sign * by[:, :n], -by[:, n:]
+        weights[np.arange(len(rows)), rows] = 1.0
+        meeting = self.held.system.pointwise("meeting")
+        state = self.q, self.v, self.t, self.held.packed
+        by_q, by_t = (x.copy() for x in meeting(*state, by[:, :n], weights, self.lam))
+        spans = [slice(i, i + g.rule.degree + 1) for i, g in zip(begins, groups, strict=True)]
+        values, nodes, by_t = self.values.tolist(), self.node.tolist(), by_t[:, 0].tolist()
+        parts = values, where, groups, spans, nodes, by_p, by_q, by_t
+        return [Slip(*x) for x in zip(*parts, strict=True)]

@@ -99,6 +99,15 @@ class Held(Problem):
         """Always true: what is in contact is held there on the mesh of the path."""
         return True
 
+    @property
+    def scales(self) -> Array:
+        """Sizes of the coordinates, (n,): those of the question."""
+        return self.free.scales
+
+    @property
+    def _motion(self) -> tuple[Array, Array | None]:
+        return self.free._motion  # which does not depend on constraints
+
     @cached_property
     def rests(self) -> tuple[Rest | None, Rest | None]:
         """The equilibria beyond either end: those of the question."""
@@ -120,8 +129,8 @@ class Held(Problem):
     @cached_property
     def contact_times(self) -> Array:
         """The times at which contact begins or ends but for the `fixed_times` ones, in order."""
-        times = [t for arc in self.arcs or () for t in (arc.begin, arc.end)]
-        return np.setdiff1d(times, self.fixed_times)
+        times = {t for arc in self.arcs or () for t in (arc.begin, arc.end)}
+        return np.array(sorted(times - set(self.fixed_times.tolist())))
 
     def __reduce__(self) -> tuple:
         """Return how to make it anew from the question."""
