@@ -62,7 +62,13 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # kept in this range. Where such parts come and go a path may be inside of the obstacle by the end
 # of the range, in its size.
 VANISHING = 1e-10, 1e-5
-SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that need not be taken
+# Steps of path and times of contact that need not be taken, in their sizes and the duration: a
+# thousandth of the tolerance, kept in this range. The path depends on the times to second order.
+SETTLED, SETTLED_RANGE = 1e-3, (1e-13, 1e-9)
+# A finer tolerance, and the degree with which the first elements, which are short, may meet it.
+# Measured round balls: less leaves out 3e-9, and another mesh takes a third of the time. Beams with
+# accelerations lost their contacts with it.
+FINE_TOL, FINE_DEGREE = 1e-8, 8
 # Steps of the times of contact are round-off if two, shorter than this part of the duration, do not
 # contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
 # 72 walls of 1:100.
@@ -104,9 +110,12 @@ class Along(Workspace[Iterate]):
     ----------
     freed : bool
         Whether parts that do not press were freed already.
+    bend : float
+        Times the square of one of Newton's steps to path and times of contact, the next one.
     """
 
     freed: bool = False
+    bend: float = np.inf
     _looked_at: tuple[Iterate, tuple[Array, ...]] | None = None
 
     @property
@@ -199,7 +208,9 @@ class Along(Workspace[Iterate]):
                 both = (times - a) / (b - a) + turned / turned[-1]
                 cuts = np.interp(np.linspace(0.0, 2.0, count + 1), both, times)
             parts.append(np.append(cuts[1:-1], b))
-        mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), COARSE_DEGREE)
+        fine = self.tol < FINE_TOL and free.system.order == 1
+        degree = FINE_DEGREE if fine else COARSE_DEGREE
+        mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), degree)
         if resolved:
             mesh = self.with_boundaries(path.mesh)
         lam = (
@@ -300,7 +311,7 @@ class Along(Workspace[Iterate]):
 
     def _join(self, force: Array | float = 0.0) -> bool:
         """Move path and times of contact to where it is tangential; False if that fails."""
-        last, stalled = np.inf, False
+        last, stalled, settled = np.inf, False, float(np.clip(SETTLED * self.tol, *SETTLED_RANGE))
         for _ in range(PATIENT):
             times = self.contact_problem.contact_times
             if not times.size:
@@ -321,7 +332,8 @@ class Along(Workspace[Iterate]):
             part = self._within(times, step)
             self._shift(times, part * step)
             self.here = self.here.moved(here.z + part * move)
-            if size * min(size / last if last < np.inf else 1.0, 1.0) < SETTLED_TIME:
+            self.bend = size / last**2 if last < np.inf else self.bend
+            if size * min(self.bend * size, 1.0) < settled:
                 return True
             last = size
         return False
