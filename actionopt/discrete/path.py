@@ -198,7 +198,7 @@ class Path:
     ) -> list[Array]:
         """Evaluate derivatives of increasing orders, (n, K) each."""
         b, groups = self.mesh.since, self.mesh.groups
-        where = (np.searchsorted(b, flat, side="right") - 1).clip(0, self.mesh.elements - 1)
+        where = b[1:-1].searchsorted(flat, side="right")
         kinds = where  # the group of each time
         if len(groups) > 1:
             known = np.empty(self.mesh.elements, dtype=np.intp)
@@ -212,7 +212,8 @@ class Path:
             if e.size == 0:
                 continue
             h = self.mesh.lengths[e]
-            xi = (((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h).clip(-reach, reach)
+            xi = ((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h
+            xi = np.minimum(np.maximum(xi, -reach), reach)
             weights, order = g.rule.interpolation(xi), 0
             local = values[:, self.mesh.offsets[e][:, None] + np.arange(g.rule.degree + 1)]
             for wanted, result in zip(orders, results, strict=True):

@@ -195,6 +195,15 @@ class Held(Problem):
         """Return what the obstacle's rows push with, (r, K) or (r,)."""
         return 0.0 - self._dynamics(q, v, t, parameters)[1][self.free.system.m :]
 
+    def row_multipliers(self, q: Array, v: Array, t: Array) -> Array:
+        """Return the multipliers of the constraints and of the obstacle's rows, (m + r, K)."""
+        return self._dynamics(q, v, t, self.parameters)[1]
+
+    def rows(self, q: Array, t: Array) -> Array:
+        """Return the obstacle's rows (r, K) at q (n, K) and t (K,)."""
+        f = self.system.pointwise("constraint")(q.T, t[:, None], self.packed)[0]
+        return f[:, self.free.system.m :].T.copy()
+
     def _dynamics(self, q: Array, v: Array, t: Array, parameters: Any) -> tuple[Array, Array]:
         return self.system.dynamics(q, v, t, parameters, self.active(np.atleast_1d(t)))
 

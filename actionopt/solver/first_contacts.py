@@ -214,26 +214,31 @@ def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Arr
 
     Those of the rows that are in contact all the while; of the most, where there are more.
     """
-    since = path.mesh.nodes_since
+    since, m = path.mesh.nodes_since, held.free.system.m
     times = np.concatenate([[a], since[(a < since) & (since < b)], [b]])
     turned, t = np.zeros(times.size), times + held.start.t
-    rows = np.flatnonzero(held.active(t[[0]] / 2 + t[[-1]] / 2)[held.free.system.m :, 0])
+    rows = m + np.flatnonzero(held.active(t[[0]] / 2 + t[[-1]] / 2)[m:, 0])
     if rows.size:
-        G = held.system.constraint_jacobian(path(t), t, parameters=held.parameters)
-        for i in rows:
-            normal = G[held.free.system.m + i] * 2.0 ** measures(held.lengths)[:, None]
-            normal = normal / np.maximum(np.linalg.norm(normal, axis=0), EPS)
-            cosines = np.sum(normal[:, 1:] * normal[:, :-1], axis=0)
-            angles = np.append(0.0, np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0))))
-            turned = max(turned, angles, key=lambda x: x[-1])
+        jacobian = held.system.pointwise("constraint_jacobian")
+        G = jacobian.full(0, jacobian(path(t).T, t[:, None], held.packed)[0])
+        normals = G[:, rows] * 2.0 ** measures(held.lengths)
+        normals /= np.maximum(np.linalg.norm(normals, axis=2), EPS)[:, :, None]
+        cosines = np.sum(normals[1:] * normals[:-1], axis=2)
+        angles = np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0)), axis=0)
+        turned[1:] = angles[:, np.argmax(angles[-1])]
     return times, turned
 
 
 def rows_along(found: DiscretePath, t: Array) -> Array:
     """Return the rows of the obstacle (r, K) along a path, at times t (K,)."""
-    held = contacts_of(found.problem)
-    f = held.system.constraint(found.path(t), t, parameters=held.parameters)
-    return f[held.free.system.m :]
+    return contacts_of(found.problem).rows(found.path(t), t)
+
+
+def times_between(mesh: Mesh) -> Array:
+    """Return the times (K,) of the nodes, and others between them."""
+    inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
+    between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
+    return np.unique(np.concatenate([between, mesh.nodes]))
 
 
 def sample_times(found: DiscretePath) -> Array:
@@ -242,10 +247,7 @@ def sample_times(found: DiscretePath) -> Array:
     Also where it may be least beside an end of the path or of contact: there f is zero and may fall
     before it grows.
     """
-    mesh, held = found.mesh, contacts_of(found.problem)
-    inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
-    between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
-    t = np.unique(np.concatenate([between, mesh.nodes]))
+    held, t = contacts_of(found.problem), times_between(found.mesh)
     slope = np.diff(rows_along(found, t))
     on = np.zeros((len(slope), t.size), dtype=bool)
     if held.arcs is not None:

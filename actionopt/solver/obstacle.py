@@ -153,13 +153,11 @@ class Along(Workspace[Iterate]):
         here, held = super()._at(mesh, path, lam, like), self.contact_problem
         old, layout = here.tr, here.tr.layout
         if held.arcs and layout.rows and held.system.order == 1:
-            t = here.mesh.nodes
-            G = held.system.constraint_jacobian(here.Q.T, t, parameters=held.parameters)
-            slopes = np.nan_to_num(np.abs(G * old.lengths[:, None]).max(axis=1), nan=np.inf)
+            jacobian = held.system.pointwise("constraint_jacobian")
+            G = np.abs(jacobian.full(0, old.normals(here.x)) * old.lengths)
+            slopes = np.nan_to_num(G.max(axis=2), nan=np.inf).ravel()
             units = np.full(held.system.m, np.inf)
-            np.minimum.at(
-                units, layout.row_constraint, slopes[layout.row_constraint, layout.row_node]
-            )
+            np.minimum.at(units, layout.row_constraint, slopes[layout.row_select])
             units = np.where(np.isfinite(units), units, old.row_units)
             tr = self.units = old.with_row_units(np.maximum(units, FLATTEST * old.row_units))
             self._attach(tr)
@@ -208,7 +206,7 @@ class Along(Workspace[Iterate]):
                 both = (times - a) / (b - a) + turned / turned[-1]
                 cuts = np.interp(np.linspace(0.0, 2.0, count + 1), both, times)
             parts.append(np.append(cuts[1:-1], b))
-        fine = self.tol < FINE_TOL and free.system.order == 1
+        fine = bool(arcs) and self.tol < FINE_TOL and free.system.order == 1
         degree = FINE_DEGREE if fine else COARSE_DEGREE
         mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), degree)
         if resolved:
@@ -246,16 +244,10 @@ class Along(Workspace[Iterate]):
 
     def _contact_multipliers(self, path: Path) -> Array:
         """Return the multipliers (K, m + r) of a motion along a path, held where contact is."""
-        t, parameters = path.mesh.nodes, self.contact_problem.parameters
-        state, shape = (path.values, path.velocity(t), t), (self.contact_problem.system.m, t.size)
-        lam = np.zeros(shape)
+        t, held = path.mesh.nodes, self.contact_problem
+        lam = np.zeros((held.system.m, t.size))
         with suppress(np.linalg.LinAlgError):
-            lam[: self.question.system.m] = self.contact_problem.multipliers(
-                *state, parameters=parameters
-            )
-            lam[self.question.system.m :] = -self.contact_problem.contact_force(
-                *state, parameters=parameters
-            )
+            lam = held.row_multipliers(path.values, path.velocity(t), t)
         return np.nan_to_num(lam, posinf=0.0, neginf=0.0).T
 
     def follow(self, reach: float = np.inf, *, joined: bool = False) -> bool:

@@ -23,14 +23,15 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import Arc
-from actionopt.solver.first_contacts import ACROSS, rows_along, runs, sample_times
+from actionopt.solver.first_contacts import ACROSS, rows_along, runs, sample_times, times_between
 from actionopt.tools.types import EPS, Array
 
 ANGLE = np.pi / 12  # by which a normal is turned at once; ad hoc
 # of Newton's method to a point, and a step that is the last: the next would be its square
 SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-5
-# of false position, to where a string comes to a body, and the cosine that is zero there
-ANGLE_STEPS, LAST_COSINE = 12, 1e-3
+# of false position, to where a string comes to a body, and the angle that is zero there
+ANGLE_STEPS, LAST_ANGLE = 12, 1e-3
+CLEARLY = 3  # places, at which a path is inside of an obstacle that need not be looked for
 PASSES = 5  # over all bodies, where there are several
 FINE = 129  # times at which a path is known, to compare speeds along it
 LEAST_TURN = 1e-4  # of an angle, that a normal is turned by at least
@@ -137,28 +138,28 @@ class Body:
         a tangent leads to its one end to where a tangent leads to the other; None if nowhere.
         """
         normals, points = chain
-        cosines = ways.beyond(*chain)
-        beyond = cosines[0] > 0, cosines[1][::-1] > 0
+        angles = ways.beyond(*chain)
+        beyond = angles[0] > 0, angles[1][::-1] > 0
         inner = [int(np.argmax(x)) for x in beyond]
         if not all(inner):  # at an end already, or nowhere
             return None
         last = len(points) - 1
-        # The places before and behind, at either end, and the cosines there.
+        # The places before and behind, at either end, and the angles there.
         at = np.array([[inner[0] - 1, last - inner[1] + 1], [inner[0], last - inner[1]]])
         low, high = normals[at]
-        ends, off = points[at[0]], cosines[[0, 1], at]
+        ends, off = points[at[0]], angles[[0, 1], at]
         for _ in range(ANGLE_STEPS):
             part = off[0] / (off[0] - off[1])
             turned = np.array([between(*x) for x in zip(low, high, part, strict=True)])
             ends = self.touching_points(ends, turned)
             if ends is None:
                 return None
-            cosine = np.diagonal(ways.beyond(turned, ends))
-            if np.abs(cosine).max() < LAST_COSINE:
+            angle = np.diagonal(ways.beyond(turned, ends))
+            if np.abs(angle).max() < LAST_ANGLE:
                 break
-            behind = cosine > 0
-            low, high = (np.where(x[:, None], *y) for x, y in ((behind, (low, turned)), (behind, (turned, high))))
-            off = np.where(behind, [off[0] / 2, cosine], [cosine, off[1] / 2])
+            past = angle > 0
+            low, high = (np.where(past[:, None], *x) for x in ((low, turned), (turned, high)))
+            off = np.where(past, [off[0] / 2, angle], [angle, off[1] / 2])
         inside = points[inner[0] : last - inner[1] + 1]
         points = np.concatenate([ends[:1], inside, ends[1:]])
         lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
@@ -225,13 +226,14 @@ class Ways:
         return when[:, 0], arrival, departure
 
     def beyond(self, normals: Array, x: Array) -> Array:
-        """Return cosines (2, C), above zero beyond where it comes to the body first, leaves it last.
+        """Return angles (2, C), above zero beyond where it comes to the body first, leaves it last.
 
-        They are those of the angles between normals and the way to or from points x, both (C, n).
+        They are those of the ways to and from points x with the planes of normals, both (C, n).
         """
         _, arrival, departure = self.passing(x, x, 0.0)
         ways = np.stack([arrival, -departure])
-        return np.sum(normals * ways, axis=2) / np.maximum(np.linalg.norm(ways, axis=2), EPS)
+        lengths = np.maximum(np.linalg.norm(ways, axis=2), EPS)
+        return np.arcsin(np.clip(np.sum(normals * ways, axis=2) / lengths, -1.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -261,13 +263,22 @@ class WayOut:
     @classmethod
     def of(cls, found: DiscretePath) -> WayOut | None:
         """Return the way out from where a path is deepest inside; None where it is outside."""
-        t, rows = looked_at = look_along(found)
+        t = times_between(found.mesh)
+        rows = rows_along(found, t)
+        if np.count_nonzero(rows < 0) < CLEARLY:
+            t, rows = look_along(found)
         i, k = np.unravel_index(np.argmin(rows), rows.shape)
         if not rows[i, k] < 0:
             return None
-        body = Body(contacts_of(found.problem), int(i), float(t[k]))
-        normal = body.normals(found.path(t[[k]]).T / body.sizes)[0]
-        return cls(found, float(t[k]), body, normal, looked_at)
+        deepest = t[[k]]
+        if 0 < k < t.size - 1:  # where the parabola through three points is lowest
+            slope = np.diff(rows[i, k - 1 : k + 2]) / np.diff(t[k - 1 : k + 2])
+            bend = (slope[1] - slope[0]) / (t[k + 1] - t[k - 1])
+            lowest = (t[k - 1] + t[k] - slope[0] / max(bend, EPS)) / 2
+            deepest = np.clip([lowest], t[k - 1], t[k + 1])
+        body = Body(contacts_of(found.problem), int(i), float(deepest[0]))
+        normal = body.normals(found.path(deepest).T / body.sizes)[0]
+        return cls(found, float(deepest[0]), body, normal, (t, rows))
 
     def within(self, sides: Array) -> Path | None:
         """Return a path that is just inside of the body's nearest edge straight to `sides` (k, n).
@@ -350,7 +361,8 @@ def taut_string_round(
     if np.diff(times).min() <= 0:
         return None
     parts = [since[[0, -1]] for since, _ in known[1:-1]]
-    free = [s for s in fine if all(s < a or b < s for a, b in parts)]
+    begin, end = np.transpose(parts)
+    free = fine[((fine < begin[:, None]) | (end[:, None] < fine)).all(axis=0)]
     since, drift = np.union1d(free, times), np.concatenate([away for _, away in known])
     away = np.array([np.interp(since, times, d) for d in drift.T]).T
     mesh = Mesh.over(start, held.end.t, since, 1)

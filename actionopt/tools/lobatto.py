@@ -224,12 +224,12 @@ class Rule:
 
     def _barycentric(self, xi: Array) -> Array:
         gap = xi[:, None] - self.nodes
-        exact = gap == 0.0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            terms = self.barycentric / gap
-            matrix = terms / terms.sum(axis=1, keepdims=True)
-        hit = exact.any(axis=1)
-        matrix[hit] = exact[hit]
+        hit, node = np.nonzero(gap == 0.0)
+        gap[hit, node] = 1.0
+        terms = self.barycentric / gap
+        matrix = terms / terms.sum(axis=1, keepdims=True)
+        matrix[hit] = 0.0
+        matrix[hit, node] = 1.0
         return matrix
 
 
