@@ -110,12 +110,12 @@ class Along(Workspace[Iterate]):
     ----------
     freed : bool
         Whether parts that do not press were freed already.
-    bend : float
-        Times the square of one of Newton's steps to path and times of contact, the next one.
+    contraction : float
+        Ratio of Newton's last two steps to path and times of contact, with what is held now.
     """
 
     freed: bool = False
-    bend: float = np.inf
+    contraction: float = 1.0
     _looked_at: tuple[Iterate, tuple[Array, ...]] | None = None
 
     @property
@@ -187,7 +187,7 @@ class Along(Workspace[Iterate]):
         The path is the one at hand or a `curve`, along which multipliers are those of a motion. Its
         own mesh stays where it is `resolved`.
         """
-        old, free = self.here.bare(), self.question
+        old, free, self.contraction = self.here.bare(), self.question, 1.0
         self.problem = held = self.contact_problem.holding(arcs)
         # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
         values = np.where(np.abs(old.Q) < IPOPT_TOLERANCE * free.lengths, 0.0, old.Q).T
@@ -324,8 +324,8 @@ class Along(Workspace[Iterate]):
             part = self._within(times, step)
             self._shift(times, part * step)
             self.here = self.here.moved(here.z + part * move)
-            self.bend = size / last**2 if last < np.inf else self.bend
-            if size * min(self.bend * size, 1.0) < settled:
+            self.contraction = min(size / last, 1.0) if last < np.inf else self.contraction
+            if size * self.contraction < settled:
                 return True
             last = size
         return False

@@ -26,11 +26,11 @@ from actionopt.mechanics.obstacle import Arc
 from actionopt.solver.first_contacts import ACROSS, rows_along, runs, sample_times, times_between
 from actionopt.tools.types import EPS, Array
 
-ANGLE = np.pi / 12  # by which a normal is turned at once; ad hoc
+ANGLE = np.pi / 36  # by which a normal is turned at once; ad hoc
 # of Newton's method to a point, and a step that is the last: the next would be its square
 SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-5
 # of false position, to where a string comes to a body, and the angle that is zero there
-ANGLE_STEPS, LAST_ANGLE = 12, 1e-3
+ANGLE_STEPS, LAST_ANGLE = 12, 1e-4
 CLEARLY = 3  # places, at which a path is inside of an obstacle that need not be looked for
 PASSES = 5  # over all bodies, where there are several
 FINE = 129  # times at which a path is known, to compare speeds along it
