@@ -182,8 +182,8 @@ def test_a_string_between_free_motions_is_met_at_one_speed(length):
     if not length:
         up = np.array([0.0, 1.0])
         first, last = ways.beyond(up[None], x[None])[:, 0]
-        assert first == pytest.approx(1 / np.sqrt(2), abs=1e-4)
-        assert last == pytest.approx(1 / np.sqrt(5), abs=1e-4)
+        assert np.sin(first) == pytest.approx(1 / np.sqrt(2), abs=1e-4)
+        assert np.sin(last) == pytest.approx(1 / np.sqrt(5), abs=1e-4)
 
 
 def test_motions_are_thrown_back_at_surfaces_met_at_times_that_are_found():

@@ -236,6 +236,10 @@ class Factors:
 
     def negative(self) -> int:
         """Return the number of negative eigenvalues of a symmetric matrix (its inertia)."""
+        return self._negative
+
+    @cached_property
+    def _negative(self) -> int:
         layout = self.layout
         if self._even is not None:
             return self._even[0].negative()

@@ -31,6 +31,7 @@ ANGLE = np.pi / 36  # by which a normal is turned at once; ad hoc
 SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-5
 # of false position, to where a string comes to a body, and the angle that is zero there
 ANGLE_STEPS, LAST_ANGLE = 12, 1e-4
+COARSELY = 8  # steps across a body at once, at first
 CLEARLY = 3  # places, at which a path is inside of an obstacle that need not be looked for
 PASSES = 5  # over all bodies, where there are several
 FINE = 129  # times at which a path is known, to compare speeds along it
@@ -63,6 +64,19 @@ class Body:
         """Return the normals (K, n) at points (K, n)."""
         G = self._first(x)[1]
         return G / np.maximum(np.linalg.norm(G, axis=1), EPS)[:, None]
+
+    def reach(self, x: Array, sides: Array) -> Array:
+        """Return how far from x (n,) lines to sides (K, n) are in the body, (K,), or infinity.
+
+        That is just inside of where they leave it first.
+        """
+        found = np.zeros(len(sides))
+        for ahead in (ACROSS[COARSELY::COARSELY], ACROSS[1:COARSELY]):
+            line = x + (found + ahead[:, None])[:, :, None] * sides
+            f = self.first(line.reshape(-1, x.size) * self.sizes, self.t, self.packed)[1]
+            inside = np.logical_and.accumulate(f[:, self.row].reshape(line.shape[:2]) < 0)
+            found = found + np.append(0.0, ahead)[inside.sum(axis=0)]
+        return np.where(found > ACROSS[-1], np.inf, found)
 
     def touching_points(self, x: Array, normals: Array) -> Array | None:
         """Return the points near x at which planes of these normals touch, all (K, n); else None.
@@ -100,13 +114,10 @@ class Body:
             count = max(int(np.ceil(angle_of(a, b) / ANGLE)), 1)
             fan.append(between(a, b, np.arange(1, count + 1) / count))
         normals, middle = np.concatenate(fan), (first + last) / 2
-        line = middle + ACROSS[:, None, None] * normals
-        f = self.first(line.reshape(-1, middle.size) * self.sizes, self.t, self.packed)[1]
-        inside = np.logical_and.accumulate(f[:, self.row].reshape(line.shape[:2]) < 0)
-        reach = inside.sum(axis=0)  # of the rays, in steps
-        if reach.max() == ACROSS.size:
+        reach = self.reach(middle, normals)
+        if not reach.max() < np.inf:
             return None
-        points = self.touching_points(middle + ACROSS[reach][:, None] * normals, normals)
+        points = self.touching_points(middle + reach[:, None] * normals, normals)
         if points is None or (np.sum(normals[1:] * np.diff(points, axis=0), axis=1) < -EPS).any():
             return self._arc_from(first, [begin, side, end])
         return normals, points
@@ -288,14 +299,11 @@ class WayOut:
         found, sizes = self.found, self.body.sizes
         held, since = contacts_of(found.problem), np.linspace(0.0, found.problem.duration, FINE)
         t, here = since + held.start.t, found.path(self.t) / sizes
-        line = here + ACROSS[:, None, None] * sides
-        q = line.reshape(-1, sizes.size) * sizes
-        f = held.system.constraint(q.T, np.full(len(q), self.t), parameters=held.parameters)
-        inside = f[held.free.system.m + self.body.row].reshape(line.shape[:2]) < 0
-        last = np.argmin(inside, axis=0) - 1  # none where all are inside
-        if last.max() < 0:
+        reach = self.body.reach(here, sides)
+        nearest = int(np.argmin(reach))
+        if not reach[nearest] < np.inf:
             return None
-        drift = ACROSS[last[last >= 0].min()] * sides[np.argmin(np.where(last < 0, np.inf, last))]
+        drift = reach[nearest] * sides[nearest]
         q, v = (z(t).T / sizes for z in (found.path, found.path.velocity))
         ends = [(s, np.zeros(sizes.size)) for s in since[[0, -1]]]
         ways = Ways(since[1:-1], q[1:-1], v[1:-1], *ends)
