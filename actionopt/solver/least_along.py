@@ -415,7 +415,8 @@ def refine_contact(
         held = ws.here
         try:
             eased, curve = curve is not None, None
-            if not ((not eased or ws.ease()) and ws.follow(joined=eased)):
+            lost = eased and (ws.flat or not ws.ease())
+            if lost or not ws.follow(joined=eased):
                 ws.hint = ws.why()
                 if ws.hint == FAMILY and ws.question.integral and ws.question.advance is None:
                     ws.hint = OTHER_VALUES

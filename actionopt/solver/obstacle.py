@@ -112,10 +112,13 @@ class Along(Workspace[Iterate]):
         Whether parts that do not press were freed already.
     contraction : float
         Ratio of Newton's last two steps to path and times of contact, with what is held now.
+    flat : bool
+        Whether a row has hardly a slope where it is held.
     """
 
     freed: bool = False
     contraction: float = 1.0
+    flat: bool = False
     _looked_at: tuple[Iterate, tuple[Array, ...]] | None = None
 
     @property
@@ -159,7 +162,9 @@ class Along(Workspace[Iterate]):
             units = np.full(held.system.m, np.inf)
             np.minimum.at(units, layout.row_constraint, slopes[layout.row_select])
             units = np.where(np.isfinite(units), units, old.row_units)
-            tr = self.units = old.with_row_units(np.maximum(units, FLATTEST * old.row_units))
+            least = FLATTEST * old.row_units
+            self.flat = bool((units < least).any())
+            tr = self.units = old.with_row_units(np.maximum(units, least))
             self._attach(tr)
             z = here.z.copy()
             z[here.x.size :] *= old.mu_unit / tr.mu_unit
