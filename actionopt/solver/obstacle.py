@@ -64,7 +64,7 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 VANISHING = 1e-10, 1e-5
 # Steps of path and times of contact that need not be taken, in their sizes and the duration: a
 # thousandth of the tolerance, kept in this range. The path depends on the times to second order.
-SETTLED, SETTLED_RANGE = 1e-3, (1e-13, 1e-9)
+SETTLED_SHARE, SETTLED_STEPS = 1e-3, (1e-13, 1e-9)
 # A finer tolerance, and the degree with which the first elements, which are short, may meet it.
 # Measured round balls: less leaves out 3e-9, and another mesh takes a third of the time. Beams with
 # accelerations lost their contacts with it.
@@ -308,7 +308,8 @@ class Along(Workspace[Iterate]):
 
     def _join(self, force: Array | float = 0.0) -> bool:
         """Move path and times of contact to where it is tangential; False if that fails."""
-        last, stalled, settled = np.inf, False, float(np.clip(SETTLED * self.tol, *SETTLED_RANGE))
+        settled = float(np.clip(SETTLED_SHARE * self.tol, *SETTLED_STEPS))
+        last, stalled = np.inf, False
         for _ in range(PATIENT):
             times = self.contact_problem.contact_times
             if not times.size:

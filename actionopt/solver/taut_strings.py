@@ -31,8 +31,8 @@ ANGLE = np.pi / 36  # by which a normal is turned at once; ad hoc
 SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-5
 # of false position, to where a string comes to a body, and the angle that is zero there
 ANGLE_STEPS, LAST_ANGLE = 12, 1e-4
-COARSELY = 8  # steps across a body at once, at first
-CLEARLY = 3  # places, at which a path is inside of an obstacle that need not be looked for
+FIRST_STRIDE = 8  # steps across a body at once, at first
+SEEN_INSIDE = 3  # places where a path is inside of an obstacle that need not be looked for; ad hoc
 PASSES = 5  # over all bodies, where there are several
 FINE = 129  # times at which a path is known, to compare speeds along it
 LEAST_TURN = 1e-4  # of an angle, that a normal is turned by at least
@@ -71,7 +71,7 @@ class Body:
         That is just inside of where they leave it first.
         """
         found = np.zeros(len(sides))
-        for ahead in (ACROSS[COARSELY::COARSELY], ACROSS[1:COARSELY]):
+        for ahead in (ACROSS[FIRST_STRIDE::FIRST_STRIDE], ACROSS[1:FIRST_STRIDE]):
             line = x + (found + ahead[:, None])[:, :, None] * sides
             f = self.first(line.reshape(-1, x.size) * self.sizes, self.t, self.packed)[1]
             inside = np.logical_and.accumulate(f[:, self.row].reshape(line.shape[:2]) < 0)
@@ -276,7 +276,7 @@ class WayOut:
         """Return the way out from where a path is deepest inside; None where it is outside."""
         t = times_between(found.mesh)
         rows = rows_along(found, t)
-        if np.count_nonzero(rows < 0) < CLEARLY:
+        if np.count_nonzero(rows < 0) < SEEN_INSIDE:
             t, rows = look_along(found)
         i, k = np.unravel_index(np.argmin(rows), rows.shape)
         if not rows[i, k] < 0:
