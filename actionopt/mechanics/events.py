@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import field
-from typing import Any, ClassVar, NamedTuple, Never
+from typing import Any, ClassVar, NamedTuple, Never, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from actionopt.tools.shown import MOST_SHOWN, brief, one_line
 from actionopt.tools.types import Array
 
 RATES = ("v", "a", "j")  # derivatives of coordinates, as events name them
+TIME = "the time of an event"
 
 
 @immutable
@@ -83,7 +84,7 @@ class Event:
             )
         # A time that is free is None: it is known before anything reckons with it.
         infinite = isinstance(t, float) and math.isinf(t)
-        known = t if t is None or infinite else number(t, "the time of an event")
+        known = t if t is None or infinite else number(t, TIME)
         object.__setattr__(self, "t", known)
         given = () if q is None else items(q, "the coordinates of an event")
         row = tuple(
@@ -178,9 +179,13 @@ class Event:
         known = {"t": self.t, "q": self.q, "on": self.on, **self._given_rates} | changes
         return Event(known.pop("t"), known.pop("q"), **known)
 
-    def at(self, t: float | None) -> Event:
+    def at(self, t: float | None) -> Self:
         """Return the same event at another time."""
-        return self._replace(t=t)
+        if isinstance(t, float) and math.isinf(t):
+            return self._replace(t=t)  # type: ignore[return-value]
+        other = object.__new__(type(self))  # the rest is known to be good
+        other.__dict__.update(self.__dict__, t=None if t is None else number(t, TIME))
+        return other
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
         """Return the event with its coordinates moved by `by` (n,); free ones stay free."""
@@ -343,10 +348,6 @@ class Periodic(Event):
         object.__setattr__(end, "q", tuple(None if x is None else x + a for x, a in pairs))
         return end
 
-    def at(self, t: float | None) -> Periodic:
-        """Return the end of a path that closes at another time; a problem gives it coordinates."""
-        return Periodic(t, self.advance, relabel=self.relabel)
-
     def shifted(self, by: Sequence[float] | ArrayLike) -> Periodic:
         """Return the end of a path that advances by `by` (n,) more."""
         row = _shift(by, None if self.advance is None else len(self.advance))
@@ -406,10 +407,6 @@ class Tail(Event):
     def limit(self) -> Event:
         """The event at infinite time."""
         return Event(self.side * math.inf, self.rest)
-
-    def at(self, t: float | None) -> Tail:
-        """Return the tail with the window's edge at another time."""
-        return Tail(t, self.rest, self.side, self.phase)  # type: ignore[arg-type]
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Tail:
         """Return the tail of an equilibrium that is moved by `by` (n,)."""

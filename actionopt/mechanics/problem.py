@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 # Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
+# What problems share of which one is the other at times that have been found.
+_BUT_TIMES = ("system", "parameters", "packed", "through", "integral", "laws", "plain")
 
 
 @immutable
@@ -426,6 +428,8 @@ class Problem:
         if self.integral is None and not sought and all(e.t is not None for e in found):
             return self
         events = [e.at(float(t)) for e, t in zip(self.joints_found, times, strict=True)]
+        if not (sought or self.through or self.system.m) and self.integral is None:
+            return self._at_times(events[0], events[1])
         if q is not None:
             pairs = zip(events, q, strict=True)
             events = [e if e.on is None else e._replace(q=row, on=None) for e, row in pairs]
@@ -436,6 +440,15 @@ class Problem:
             given if kappa is None else {**given, MULTIPLIERS: kappa},
             *(self.energy, tuple(events[1:-1]), self.integral, self),
         )
+
+    def _at_times(self, start: Event, end: Event) -> Problem:
+        """Return the problem with times at its ends, of which the rest is known to be good."""
+        problem = object.__new__(Problem)
+        problem.__dict__.update({name: getattr(self, name) for name in _BUT_TIMES})
+        problem.__dict__.update(start=start, end=end, asked=self, energy=None)
+        problem._check_times()
+        problem.__dict__["energy"] = self.energy
+        return problem
 
     @property
     def is_joined(self) -> bool:
