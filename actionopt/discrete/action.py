@@ -228,6 +228,7 @@ class Action:
     def over_times(self, problem: Problem) -> Self:
         """Return that of a problem over other times alone, in these units; L contains no time."""
         start, end = problem.start.t, problem.end.t
+        _ = self.joint_rates  # the same at all times
         other, before = copy(self), self.mesh
         other.problem, other.mesh = problem, before.moved(start, end)
         factor = other.mesh.duration / before.duration

@@ -40,7 +40,7 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.integrals import integrals
 from actionopt.discrete.layout import BorderedLayout
 from actionopt.discrete.path import Path
-from actionopt.discrete.stretch import by_joints
+from actionopt.discrete.stretch import Stretch, by_joints
 from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
@@ -75,12 +75,16 @@ class Bordered:
         ends = np.cumsum([self.first.layout.size, *(b.size for b in self.borders)]).tolist()
         self.layout = self.first.layout.with_border(ends[-1] - ends[0])
         self.parts = [slice(a, b) for a, b in pairwise(ends)]
+        pairs = zip(self.borders, self.parts, strict=True)
+        # The border of the events' times, and where its unknowns are; None if there is none.
+        self.times_border = next(((b, part) for b, part in pairs if isinstance(b, Times)), None)
         found = self.times_border  # whose events' times are unknown
         self.moving = np.zeros(0, dtype=int) if found is None else found[0].moving
         # How far a path moves, in its sizes, as its duration grows by a part of itself.
         self.reach = 1.0
         self._last: Transcription | None = self.first
         self._times_of: tuple[bytes, Gradient] | None = None  # of the last residual
+        self._stretched: Stretch | None = None  # of the last path
         # The unknowns beside the path, and before the forces, of the last one, if there is one.
         self._beside: bytes | None = b""
         self._like: Transcription | None = self.first
@@ -196,12 +200,6 @@ class Bordered:
         """Coordinates at the start that say where a closed path begins."""
         return next((b.given for b in self.borders if isinstance(b, PhaseCondition)), ())
 
-    @property
-    def times_border(self) -> tuple[Times, slice] | None:
-        """The border of the events' times, and where its unknowns are; None if there is none."""
-        pairs = zip(self.borders, self.parts, strict=True)
-        return next(((b, part) for b, part in pairs if isinstance(b, Times)), None)
-
     def at(self, y: Array) -> Transcription:
         """Return the discrete action over the times, and of the multipliers, that belong to y."""
         beside = y[self.first.layout.size : self.forces.start].tobytes()
@@ -281,8 +279,15 @@ class Bordered:
         """Return the derivatives of the action, by the times only if they are unknown."""
         times = np.zeros(len(at.problem.through) + 2)
         if self.moving.size:
-            times[self.moving] = by_joints(at, self.moving).slopes() / at.tr.action_unit
+            times[self.moving] = self._stretch(at).slopes() / at.tr.action_unit
         return Gradient(at.tr.residual(at.z).copy(), times)
+
+    def _stretch(self, at: DiscretePath) -> Stretch:
+        """Return how the action changes with the unknown times, kept until the path changes."""
+        kept = self._stretched
+        if kept is None or kept.at.tr is not at.tr or (kept.at.z != at.z).any():
+            self._stretched = kept = by_joints(at, self.moving)
+        return kept
 
     def kkt(self, y: Array) -> Array:
         """Return the nonzeros of the derivative of `residual`, as the layout says."""
@@ -313,17 +318,17 @@ class Bordered:
     def _derivatives(self, y: Array) -> tuple[Array, Array, Array, Array]:
         """Return the nonzeros of K, the columns B and rows C beside it, and the corner D."""
         at, size, timed = self.discrete(y), self.first.layout.size, self.times_border
-        if timed is not None:  # they are asked for twice
-            at.tr.place(at.x).second = [x.copy() for x in at.tr.second(at.x)]
+        if timed is not None:
+            _ = self._stretch(at).second  # kept, as they are asked for twice
         K, added = at.tr.kkt(at.z), self.layout.border
         B, C, D = np.zeros((size, added)), np.zeros((added, size)), np.zeros((added, added))
         events = len(at.problem.through) + 2
         bend = Bend(K)
         if timed is not None:
-            stretch, moving = by_joints(at, self.moving), self.moving
+            stretch, moving = self._stretch(at), self.moving
             bend.path, bend.times = np.zeros((size, events)), np.zeros((events, events))
             bend.path[:, moving] = stretch.residuals()
-            bend.times[np.ix_(moving, moving)] = stretch.twice() / at.tr.action_unit
+            bend.times[moving[:, None], moving] = stretch.twice() / at.tr.action_unit
         of_times = np.zeros((added, events))
         for border, part in zip(self.borders, self.parts, strict=True):
             own = slice(part.start - size, part.stop - size)

@@ -218,7 +218,19 @@ class Mesh:
         duration = end - start
         since = self.since * (duration / self.duration)
         since[-1] = duration
-        return Mesh.over(start, end, since, self.degrees, self.singular_ends)
+        if not (np.isfinite(since).all() and (since[1:] > since[:-1]).all()):
+            return Mesh.over(start, end, since, self.degrees)  # raises
+        mesh, boundaries = object.__new__(Mesh), start + since
+        boundaries[-1] = end
+        for row in (boundaries, since):
+            row.setflags(write=False)
+        mesh.__dict__.update({name: getattr(self, name) for name in _OF_SHAPE})
+        mesh.__dict__.update(boundaries=boundaries, since=since)
+        return mesh
+
+
+# What meshes share that differ in their times alone.
+_OF_SHAPE = ("degrees", "singular_ends", "offsets", "groups")
 
 
 def with_singular_ends(mesh: Mesh, singular_ends: tuple[int, int]) -> Mesh:

@@ -64,7 +64,7 @@ class Stretch:
         """The nonzeros of the second derivatives of L."""
         at, tr = self.at, self.at.tr
         point = tr.place(at.x)
-        if not at.problem.system.structure.steady:  # they are asked for again
+        if point.second is None and not at.problem.system.structure.steady:  # asked for again
             point.second = [x.copy() for x in tr.second(at.x)]
         return tr.second(at.x)
 
