@@ -514,15 +514,25 @@ class _Edged:
         self._factors = SparseFactors(inner, K) if inner.needs_no_pivoting else None
         E, self._springs = np.zeros((n, springs.size)), springs.size
         E[springs, np.arange(springs.size)] = 1.0
-        beside = np.concatenate([R, -size * E], axis=1)
+        self._beside = np.concatenate([R, -size * E], axis=1)
         self._across = np.concatenate([C, E.T])
-        corner = np.zeros((len(self._across), len(self._across)))
-        corner[: len(D), : len(D)] = D
-        corner[len(D) :, len(D) :] = -np.eye(springs.size)
-        self._carried = self._solve_inner(beside)
-        self._corner = corner - self._across @ self._carried
+        self._corner = np.zeros((len(self._across), len(self._across)))
+        self._corner[: len(D), : len(D)] = D
+        self._corner[len(D) :, len(D) :] = -np.eye(springs.size)
+        self._carried: Array | None = None  # the solution for the edges
+
+    def _eliminate(self, *right: Array) -> Array:
+        """Eliminate K, and return the solutions (size, c) of its own for c right-hand sides.
+
+        One factorization serves for these and for the edges. Raises numpy.linalg.LinAlgError if K
+        is singular.
+        """
+        found = self._solve_inner(np.column_stack([self._beside, *right]))
+        self._carried = found[:, : self._beside.shape[1]]
+        self._corner = self._corner - self._across @ self._carried
         if not np.isfinite(self._corner).all():
             raise np.linalg.LinAlgError("the matrix is singular")
+        return found[:, self._beside.shape[1] :]
 
     def _solve_inner(self, right: Array) -> Array:
         """Return the solution of K with springs for one right-hand side, or several (size, c)."""
@@ -532,9 +542,13 @@ class _Edged:
         return _solver(self._layout, "qr", count)(self._held, right.T).T
 
     def solve(self, right: Array) -> Array:
-        """Return the solution for one right-hand side, (size,)."""
+        """Return the solution for one right-hand side, (size,); NaN where K is singular."""
         n, edges = self._size, right.size - self._size
-        x = self._solve_inner(right[:n])
+        try:
+            known = self._carried is not None
+            x = self._solve_inner(right[:n]) if known else self._eliminate(right[:n])[:, 0]
+        except np.linalg.LinAlgError:
+            return np.full_like(right, np.nan)
         other = np.zeros(len(self._across))
         other[:edges] = right[n:]
         y = np.linalg.solve(self._corner, other - self._across @ x)
@@ -551,6 +565,8 @@ class _Edged:
         With w = -z and rows of springs times s it is [K R sE; R' D 0; sE' 0 s], which has those of
         the whole, and those of K and of what is left of it besides (Haynsworth).
         """
+        if self._carried is None:
+            self._eliminate()
         corner, k = self._corner.copy(), self._springs
         corner[len(corner) - k :] *= self._spring
         corner[:, len(corner) - k :] *= -1.0

@@ -213,9 +213,9 @@ class Answers:
         """Yield paths to points all over the surfaces, and motions that come to the end later."""
         yield Start(self.classes[0], None, "as `solve` does")
         pairs = points(self.problem, starts, self.seed)
-        for i, guess in enumerate(paths_to_points(self.problem, self.tol, None, pairs)):
+        for i, at in enumerate(paths_to_points(self.problem, self.tol, None, pairs)):
             self.tell("points on surfaces", i, len(pairs), "points on surfaces")
-            yield Start(self.classes[0], guess, "a point on a surface")
+            yield Start(self.classes[0], at.path, "a point on a surface")
         for i, guess in enumerate(motions_to_surfaces(self.problem, None) if shots else ()):
             self.tell("forward shots", i, i + 1, "forward shots")
             yield Start(self.classes[0], guess, "a forward shot")

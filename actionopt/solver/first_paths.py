@@ -100,7 +100,7 @@ class FirstPaths:
     lost: list[float] = field(default_factory=list)
     of_family: Path | None = None
 
-    def firsts(self, guess: Guess | None) -> Iterator[tuple[Path, Array | None, str]]:
+    def firsts(self, guess: Guess | DiscretePath | None) -> Iterator[tuple[Path, Array | None, str]]:
         """Yield paths, with multipliers (K, m) or none, from which to set out, and whence."""
         if guess is not None:
             first, last = REPRESENTED
@@ -348,9 +348,18 @@ class FirstPaths:
         return found.discrete if found.success else None
 
 
-def guess_path(problem: Problem, guess: Guess, represented: float, most: float = math.inf) -> Path:
-    """Return a guess on a mesh that represents it, with its duration; as `resolve_curve` does."""
-    if isinstance(guess, Solution):
+def guess_path(
+    problem: Problem, guess: Guess | DiscretePath, represented: float, most: float = math.inf
+) -> Path:
+    """Return a guess on a mesh that represents it, with its duration; as `resolve_curve` does.
+
+    Its own mesh, where that does and it was made on the way.
+    """
+    mesh = None
+    if isinstance(guess, DiscretePath):
+        guess = stretch_guess(problem, guess.path)
+        mesh = guess.mesh
+    elif isinstance(guess, Solution):
         guess = guess.path
     if problem.free_time and not isinstance(guess, Path):
         guess = time_waypoints(problem, guess)
@@ -360,7 +369,7 @@ def guess_path(problem: Problem, guess: Guess, represented: float, most: float =
     else:
         known = over(problem, 1.0)
         curve_on = curve(known, guess)
-    return resolve_curve(known, curve_on, represented, most)
+    return resolve_curve(known, curve_on, represented, most, mesh)
 
 
 def resolve_curve(
@@ -368,12 +377,13 @@ def resolve_curve(
     curve_on: Callable[[Mesh], Path],
     represented: float,
     most: float = math.inf,
+    mesh: Mesh | None = None,
 ) -> Path:
-    """Return a curve over the times of a problem on a mesh that represents it.
+    """Return a curve over the times of a problem on a mesh that represents it, perhaps on `mesh`.
 
     Or on one of more than `most` degrees of freedom, if it takes that many in a coordinate.
     """
-    mesh = Mesh.uniform(known.start.t, known.end.t, LINEAR, COARSE_DEGREE)
+    mesh = mesh or Mesh.uniform(known.start.t, known.end.t, LINEAR, COARSE_DEGREE)
     found = curve_on(mesh)
     for _ in range(ROUNDS // 2):
         size = np.abs(found.values).max(axis=1)

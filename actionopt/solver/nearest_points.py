@@ -43,17 +43,18 @@ AGAIN = 4  # times that the other surface, and one that moves, is asked anew
 
 def paths_to_points(
     problem: Problem, tol: float, watch: Watch | None, pairs: Iterable[Array] | None = None
-) -> Iterator[Path]:
+) -> Iterator[DiscretePath]:
     """Yield paths to `points` on the surfaces, in the order of the actions along straight lines."""
     for k, (fixed, first) in enumerate(points(problem, pairs)):
         if fixed.free_time:
             timed = FirstPaths(fixed, tol, watch).over_durations()
-            yield from (at.path for at in islice(timed, None if k < WITH_PAINS else 1))
+            yield from islice(timed, None if k < WITH_PAINS else 1)
             continue
         tr = Transcription(fixed, first.mesh, fixed.lengths)
         tr.watch = watch
-        found = approach(tr, tr.pack(first.values.T), PATIENT)
-        yield first if found is None else DiscretePath(tr, found[0]).path
+        z = tr.pack(first.values.T)
+        found = approach(tr, z, PATIENT)
+        yield DiscretePath(tr, z if found is None else found[0])
 
 
 def paths_between_given_times(problem: Problem, watch: Watch | None) -> Iterator[Path]:
@@ -92,27 +93,31 @@ def points(
 
     The points are those of `pairs` (2, n) if any are given, else those `near` each other.
     """
-    size, distinct = sizes(problem), []
-    for pair in near(problem) if pairs is None else pairs:
-        if not any(np.all(np.abs(pair - q) < APART * size) for q in distinct):
-            distinct.append(pair)
-    lines = _lines(problem, distinct)
+    size = sizes(problem)
+    found = np.array(near(problem, size=size) if pairs is None else list(pairs))
+    distinct: list[int] = []
+    for k, pair in enumerate(found):
+        if not (np.abs(found[distinct] - pair) < APART * size).all(axis=(1, 2)).any():
+            distinct.append(k)
+    lines = _lines(problem, found[distinct])
     known = [line for line in lines if np.isfinite(line[0])] or lines
-    for _, pair, path in sorted(known, key=lambda line: line[0]):
+    for _, pair, mesh, values in sorted(known, key=lambda line: line[0]):
         try:
             fixed = between_places(problem, pair)
         except ValueError:
             continue
-        yield fixed, path
+        yield fixed, Path(mesh, values)
 
 
-def near(problem: Problem, directions: Array | None = None) -> list[Array]:
+def near(
+    problem: Problem, directions: Array | None = None, size: Array | None = None
+) -> list[Array]:
     """Return points (2, n) of both events, on their surfaces, and near each other.
 
     They are looked for in `directions` (k, n), in units of the way to the first one; else along the
-    axes.
+    axes. `size` (n,) are the `sizes` of the problem, if they are known.
     """
-    n, size = problem.system.n, sizes(problem)
+    n, size = problem.system.n, sizes(problem) if size is None else size
     nearest = _pairs(problem, np.zeros((1, n)), size)
     far = float(np.abs((nearest[0, 1] - nearest[0, 0]) / size).max()) if nearest.size else 0.0
     if directions is None:
@@ -136,8 +141,8 @@ def sizes(problem: Problem) -> Array:
     return np.where(np.isfinite(found) & (found > 0), found, size)
 
 
-def _lines(problem: Problem, pairs: list[Array]) -> list[tuple[float, Array, Path]]:
-    """Return the actions along straight lines between points, these, and the lines.
+def _lines(problem: Problem, pairs: Array) -> list[tuple[float, Array, Mesh, Array]]:
+    """Return the actions along straight lines between points (K, 2, n), these, and the lines.
 
     That is S + E T where the time is free, and infinite where a mass is below zero.
     """
@@ -152,9 +157,9 @@ def _lines(problem: Problem, pairs: list[Array]) -> list[tuple[float, Array, Pat
                 continue
         first, last = np.where(loose, pair[::-1], pair)[:, :, None]
         part = tr.mesh.nodes_since / tr.mesh.duration
-        path = Path(tr.mesh, first + part * (last - first))
-        lines.append((tr, pair, path))
-        states.append((*tr.state_of(path.values.T), tr.times))
+        values = first + part * (last - first)
+        lines.append((tr, pair, values))
+        states.append((*tr.state_of(values.T), tr.times))
     if not lines:
         return []
     state = *(np.concatenate(x) for x in zip(*states, strict=True)), problem.packed
@@ -165,9 +170,9 @@ def _lines(problem: Problem, pairs: list[Array]) -> list[tuple[float, Array, Pat
             mass = system.pointwise("second")(*state)[2][:, row == col]
             L[(mass.reshape(len(lines), -1) < 0).any(axis=1)] = np.inf
         energy, found = (problem.energy or 0.0) if problem.free_time else 0.0, []
-        for (tr, pair, path), each in zip(lines, L, strict=True):
-            S = float(tr.weight[:, 0] @ each) + energy * path.mesh.duration
-            found.append((S if np.isfinite(S) else np.inf, pair, path))
+        for (tr, pair, values), each in zip(lines, L, strict=True):
+            S = float(tr.weight[:, 0] @ each) + energy * tr.mesh.duration
+            found.append((S if np.isfinite(S) else np.inf, pair, tr.mesh, values))
         return found
 
 

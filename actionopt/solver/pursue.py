@@ -18,6 +18,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.events import Event
@@ -181,7 +182,7 @@ def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
 
 def starts(
     problem: Problem, guess: Guess | None, choices: Choices
-) -> Iterable[Iterable[Guess | None]]:
+) -> Iterable[Iterable[Guess | DiscretePath | None]]:
     """Return groups of guesses; one is asked for only if none before led to a path."""
     from actionopt.solver.durations import turning_waypoints
     from actionopt.solver.nearest_points import (

@@ -127,7 +127,9 @@ class Unfixed(Workspace[UnfixedPath]):
         at = self._at_times(problem, path)
         mesh = with_degrees(path.mesh, problem.system.order)
         mesh = with_singular_ends(mesh, problem.singular_ends)
-        path = path.on(with_boundaries(mesh, at.boundaries))
+        mesh = with_boundaries(mesh, at.boundaries)
+        if mesh is not path.mesh:
+            path = path.on(mesh)
         with self.record.clock("assemble"):
             size, lengths = coordinate_scales(at, path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
@@ -305,7 +307,7 @@ class Unfixed(Workspace[UnfixedPath]):
         self.here = replace(self._around(path, lam), gain=gain)
         return self.follow()
 
-    def in_family(self, guess: Guess, *, thorough: bool) -> Status | None:
+    def in_family(self, guess: Guess | DiscretePath, *, thorough: bool) -> Status | None:
         """Move to a path near the guess if such paths are a family, and refine it there.
 
         By Newton's steps of least norm, as its matrix has no inverse at any of them. Then the
@@ -338,7 +340,7 @@ class Unfixed(Workspace[UnfixedPath]):
         self.iterate, self.hint = before
         return None
 
-    def keep_member(self, guess: Guess) -> Status | None:
+    def keep_member(self, guess: Guess | DiscretePath) -> Status | None:
         """Hold a guess that is a closed path already along its family, and refine it there.
 
         Newton's steps would lead along the family, by the round-off of what is singular there.
@@ -521,7 +523,7 @@ def _by_ipopt(problem: Problem, path: Path, choices: Choices) -> Path:
 
 
 def solve_free_boundary(
-    problem: Problem, guess: Guess | None, choices: Choices, *, keep: bool = False
+    problem: Problem, guess: Guess | DiscretePath | None, choices: Choices, *, keep: bool = False
 ) -> Found:
     """Return the path of a problem whose duration is free or whose paths close, and the verdict.
 
@@ -556,7 +558,7 @@ class _FreeBoundarySearch:
     ----------
     run : Unfixed
     first : FirstPaths
-    guess : Guess or None
+    guess : Guess or DiscretePath or None
     choices : Choices
     barrier : str
         Why no motion of the energy leads to the end, if that is known.
@@ -566,7 +568,7 @@ class _FreeBoundarySearch:
 
     run: Unfixed
     first: FirstPaths
-    guess: Guess | None
+    guess: Guess | DiscretePath | None
     choices: Choices
     barrier: str = field(init=False)
     known: bool = False
