@@ -53,6 +53,15 @@ def normals(x, y):
     return feet, np.array([c / A * np.cos(s) ** 3, -c / B * np.sin(s) ** 3]).T
 
 
+def test_lines_to_far_points_of_a_surface_may_take_finer_meshes():
+    """A body with the energy 1/2 goes straight to the nearest point of a ball, beside a spring."""
+    system = ao.System(lambda q, v, t: v @ v / 2 - 50 * q[3] ** 2, list("xyzw"))
+    end = ao.Event(None, None, on=lambda q, t: (q[0] - 3) ** 2 + q[1:] @ q[1:] - 4)
+    found = ao.solve(ao.Problem(system, ao.Event(0.0, np.zeros(4)), end, energy=0.5))
+    assert found.duration == pytest.approx(1.0, abs=1e-9)
+    np.testing.assert_allclose(found(found.end.t), [1.0, 0.0, 0.0, 0.0], atol=1e-9)
+
+
 @pytest.mark.long
 def test_the_shortest_way_to_an_ellipse_needs_no_guess():
     feet, _ = normals(*INSIDE)

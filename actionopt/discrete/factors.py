@@ -158,9 +158,9 @@ class Factors:
     @property
     def cheap(self) -> bool:
         """Whether another solution costs far less than another factorization."""
-        if self.layout.border:
-            return not self.layout.small
-        return self.layout.keeps_factors or self.layout.storage == "blocks"
+        # Beside a border it is the derivatives by what is there that cost.
+        layout = self.layout
+        return layout.border > 0 or layout.keeps_factors or layout.storage == "blocks"
 
     def solve(self, right: Array, enough: float = ACCURATE) -> Array:
         """Return the solution for one right-hand side, (size,).
@@ -507,10 +507,11 @@ class _Edged:
         inner, (K, R, C, D) = layout.inner, layout.split(nonzeros)
         self._layout, self._size = inner, inner.size
         n = inner.size
-        springs, pattern = _largest(R[: inner.unknowns]), inner.kkt
+        springs = _largest(R[: inner.unknowns])
         self._spring = size = np.abs(K).max()
-        held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
-        self._held = K = K + size * held
+        tied = np.zeros(n)
+        tied[springs] = size
+        self._held = K = K + diagonal(inner, tied)
         self._factors = SparseFactors(inner, K) if inner.needs_no_pivoting else None
         E, self._springs = np.zeros((n, springs.size)), springs.size
         E[springs, np.arange(springs.size)] = 1.0
@@ -519,7 +520,7 @@ class _Edged:
         self._corner = np.zeros((len(self._across), len(self._across)))
         self._corner[: len(D), : len(D)] = D
         self._corner[len(D) :, len(D) :] = -np.eye(springs.size)
-        self._carried: Array | None = None  # the solution for the edges
+        self._carried = np.zeros((n, 0))  # the solutions for the edges, once K is eliminated
 
     def _eliminate(self, *right: Array) -> Array:
         """Eliminate K, and return the solutions (size, c) of its own for c right-hand sides.
@@ -545,7 +546,7 @@ class _Edged:
         """Return the solution for one right-hand side, (size,); NaN where K is singular."""
         n, edges = self._size, right.size - self._size
         try:
-            known = self._carried is not None
+            known = self._carried.size
             x = self._solve_inner(right[:n]) if known else self._eliminate(right[:n])[:, 0]
         except np.linalg.LinAlgError:
             return np.full_like(right, np.nan)
@@ -565,7 +566,7 @@ class _Edged:
         With w = -z and rows of springs times s it is [K R sE; R' D 0; sE' 0 s], which has those of
         the whole, and those of K and of what is left of it besides (Haynsworth).
         """
-        if self._carried is None:
+        if not self._carried.size:
             self._eliminate()
         corner, k = self._corner.copy(), self._springs
         corner[len(corner) - k :] *= self._spring
@@ -583,9 +584,10 @@ def _largest(columns: Array) -> NDInt:
         if not size[k] > 0:
             break
         rows.append(k)
-        unit = left[k] / np.sqrt(size[k])
-        left = left - np.outer(left @ unit, unit)
-    return np.unique(rows).astype(int)
+        if len(rows) < columns.shape[1]:
+            unit = left[k] / np.sqrt(size[k])
+            left = left - np.outer(left @ unit, unit)
+    return np.array(sorted(set(rows)), dtype=int)
 
 
 def negative_signs(matrix: Array) -> int:

@@ -100,7 +100,9 @@ class FirstPaths:
     lost: list[float] = field(default_factory=list)
     of_family: Path | None = None
 
-    def firsts(self, guess: Guess | DiscretePath | None) -> Iterator[tuple[Path, Array | None, str]]:
+    def firsts(
+        self, guess: Guess | DiscretePath | None
+    ) -> Iterator[tuple[Path, Array | None, str]]:
         """Yield paths, with multipliers (K, m) or none, from which to set out, and whence."""
         if guess is not None:
             first, last = REPRESENTED

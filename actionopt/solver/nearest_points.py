@@ -164,13 +164,14 @@ def _lines(problem: Problem, pairs: Array) -> list[tuple[float, Array, Mesh, Arr
         return []
     state = *(np.concatenate(x) for x in zip(*states, strict=True)), problem.packed
     with np.errstate(all="ignore"):
-        L = system.pointwise("value")(*state)[0].reshape(len(lines), -1).copy()
+        L = system.pointwise("value")(*state)[0][:, 0].copy()
         if not system.structure.constant_mass:  # constant ones are taken to be at least zero
             row, col = system.pointwise("second").sparsity(2)
             mass = system.pointwise("second")(*state)[2][:, row == col]
-            L[(mass.reshape(len(lines), -1) < 0).any(axis=1)] = np.inf
+            L[(mass < 0).any(axis=1)] = np.inf
         energy, found = (problem.energy or 0.0) if problem.free_time else 0.0, []
-        for (tr, pair, values), each in zip(lines, L, strict=True):
+        last = np.cumsum([tr.weight.size for tr, *_ in lines])  # they may take different meshes
+        for (tr, pair, values), each in zip(lines, np.split(L, last[:-1]), strict=True):
             S = float(tr.weight[:, 0] @ each) + energy * tr.mesh.duration
             found.append((S if np.isfinite(S) else np.inf, pair, tr.mesh, values))
         return found
