@@ -127,9 +127,7 @@ class Unfixed(Workspace[UnfixedPath]):
         at = self._at_times(problem, path)
         mesh = with_degrees(path.mesh, problem.system.order)
         mesh = with_singular_ends(mesh, problem.singular_ends)
-        mesh = with_boundaries(mesh, at.boundaries)
-        if mesh is not path.mesh:
-            path = path.on(mesh)
+        path = path.on(with_boundaries(mesh, at.boundaries))
         with self.record.clock("assemble"):
             size, lengths = coordinate_scales(at, path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
