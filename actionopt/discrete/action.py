@@ -726,6 +726,18 @@ class Action:
         S = self._sum(point.at, point.v) if point.values is None else point.values[0]
         return (S + self._beyond(point.Q) if self.nodal else S) / self.action_unit
 
+    def actions_along(self, x: Array, away: Array, parts: Array) -> Array:
+        """Return S in its own unit at x + parts (c,) of `away`, all at once."""
+        first, last = self.places(x), self.places(x + away)
+        ends = zip(self.state(first), self.state(last), strict=True)
+        at, v = ((a + parts[:, None, None] * (b - a)).reshape(-1, a.shape[1]) for a, b in ends)
+        times = np.tile(self.times, (parts.size, 1))
+        L = self.problem.system.pointwise("value")(at, v, times, self.problem.packed)[0]
+        S = L.reshape(parts.size, -1) @ self.weight[:, 0]
+        if self.nodal:
+            S = S + [self._beyond(first + part * (last - first)) for part in parts]
+        return S / self.action_unit
+
     def gradient_alone(self, x: Array) -> Array:
         """Return dS/dx as `gradient` does, without S, which that keeps for `action`."""
         point = self.place(x)

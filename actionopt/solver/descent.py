@@ -33,6 +33,7 @@ SHORTEN, SHORTEST_PART = 3.0, 3e-4  # of a step, for which no factorization is n
 POWER_STEPS, OFF_SADDLE = 4, 2.0**-7  # in lengths
 RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 FAR_OUT = 8.0  # sizes from where it is asked whether S falls on and on
+DOUBLINGS = 2.0 ** np.arange(1, 5)  # of a step, that are looked at together
 
 
 @immutable
@@ -57,12 +58,15 @@ class Descended:
     iterations: int
 
 
-def descend(tr: Transcription, z: Array, far: float = RUNAWAY) -> Descended:
+def descend(
+    tr: Transcription, z: Array, far: float = RUNAWAY, looked: float = FAR_OUT
+) -> Descended:
     """Go down from z; S decreases at every step. The system has no constraints or forces.
 
-    Coordinates `far` times their own size have run away.
+    Coordinates `far` times their own size have run away; `looked` times it, they are asked whether
+    they will.
     """
-    mu, lower_mu, count, first, last, least, looked = 0.0, 0.0, 0, z, None, None, FAR_OUT
+    mu, lower_mu, count, first, last, least = 0.0, 0.0, 0, z, None, None
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
         while count < DESCENT_STEPS and np.abs(z).max() < far:
@@ -186,13 +190,14 @@ def falls_from(tr: Transcription, saddle: Array, away: Array) -> bool:
 
 def _falls(tr: Transcription, first: Array, away: Array) -> bool:
     """Whether S falls beyond `away` from a path, each step twice as far, until it has run away."""
-    action = tr.action_alone(first + away)
-    while np.abs(first + away).max() < RUNAWAY:
-        away = 2 * away
-        before, action = action, tr.action_alone(first + away)
-        if not action < before:
-            return False
-    return True
+    before, part = tr.action_alone(first + away), 1.0
+    while True:
+        for action in tr.actions_along(first, away, part * DOUBLINGS):
+            if np.abs(first + part * away).max() >= RUNAWAY:
+                return True
+            if not action < before:
+                return False
+            before, part = action, 2 * part
 
 
 def _backtrack(
