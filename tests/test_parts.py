@@ -768,7 +768,8 @@ def test_forward_motions_are_tried_where_ends_are_given(monkeypatch):
 def test_paths_to_surfaces_are_sought_from_points_and_motions(monkeypatch):
     run = fake(problem=ACROSS, tol=1e-8, seed=3, classes=["class"], tell=lambda *_: None)
     monkeypatch.setattr(searches, "points", lambda problem, starts, seed: [(starts, seed)] * 2)
-    monkeypatch.setattr(searches, "paths_to_points", lambda p, tol, watch, pairs: pairs)
+    reached = lambda p, tol, watch, pairs: [fake(path=pair) for pair in pairs]  # noqa: E731
+    monkeypatch.setattr(searches, "paths_to_points", reached)
     monkeypatch.setattr(searches, "motions_to_surfaces", lambda problem, watch: ["motion"])
     found = [(s.guess, s.how) for s in searches.Answers._on_surfaces(run, 5, 1)]
     at = ((5, 3), "a point on a surface")

@@ -75,20 +75,20 @@ def onto(
     for k in range(LONGEST_WAY):
         if not left.size:
             break
-        state, mine = (q[left].T, t[left]), np.ones((left.size, 0), dtype=bool)
-        rows, by_q = np.zeros(mine.shape), np.zeros((*mine.shape, system.n))
+        rows, by_q = np.zeros((left.size, 0)), np.zeros((left.size, 0, system.n))
         if event.on is not None:
             rows, by_q, _ = event.on.along(q[left], t[left], problem.packed)
-            mine = np.ones(rows.shape, dtype=bool)
+        empty = np.zeros(rows.shape, dtype=bool)  # rows that are not asked for
         if system.m:
+            state = q[left].T, t[left]
             f = system.constraint(*state, parameters=parameters).T
             G = system.constraint_jacobian(*state, parameters=parameters)
             rows, by_q = np.hstack([rows, f]), np.hstack([by_q, np.moveaxis(G, 2, 0)])
-            mine = np.hstack([mine, kept[left]])
-        rows = np.where(mine, rows, 0.0)
-        by_q = np.where(mine[:, :, None], by_q, 0.0)[:, :, free] * size[free]
+            empty = np.hstack([empty, ~kept[left]])
+            rows[empty], by_q[empty] = 0.0, 0.0
+        by_q = by_q[:, :, free] * size[free]
         known = np.isfinite(rows).all(axis=1) & np.isfinite(by_q).all(axis=(1, 2))
-        known &= (by_q.any(axis=2) | ~mine).all(axis=1)
+        known &= (by_q.any(axis=2) | empty).all(axis=1)
         left, rows, by_q = left[known], rows[known], by_q[known]
         if rows.shape[1] == 1:
             step = -by_q[:, 0] * (rows / np.sum(by_q[:, 0] ** 2, axis=1, keepdims=True))
@@ -97,7 +97,7 @@ def onto(
         largest = np.abs(step).max(axis=1)
         farthest = FIRST_SURFACE_STEP * 2.0**k
         part = farthest / np.maximum(largest, farthest)
-        q[np.ix_(left, free)] += step * part[:, None] * size[free]
+        q[left[:, None], free] += step * part[:, None] * size[free]
         there = largest < LAST_SURFACE_STEP
         found[left[there]] = q[left[there]]
         left = left[~there]

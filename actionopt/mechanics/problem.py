@@ -432,7 +432,9 @@ class Problem:
             return self._at_times(events[0], events[1])
         if q is not None:
             pairs = zip(events, q, strict=True)
-            events = [e if e.on is None else e._replace(q=row, on=None) for e, row in pairs]
+            events = [
+                e if e.on is None else e._replace(q=[*map(float, row)], on=None) for e, row in pairs
+            ]
         given = self._given_parameters
         return _restore_asked(
             self.question,

@@ -357,17 +357,14 @@ def guess_path(
 
     Its own mesh, where that does and it was made on the way.
     """
-    mesh = None
-    if isinstance(guess, DiscretePath):
-        guess = stretch_guess(problem, guess.path)
-        mesh = guess.mesh
-    elif isinstance(guess, Solution):
+    made, mesh = isinstance(guess, DiscretePath), None
+    if isinstance(guess, (DiscretePath, Solution)):
         guess = guess.path
     if problem.free_time and not isinstance(guess, Path):
         guess = time_waypoints(problem, guess)
     if isinstance(guess, Path):
-        curve_on = stretch_guess(problem, guess).on
-        known = over(problem, guess.mesh.duration)
+        path, known = stretch_guess(problem, guess), over(problem, guess.mesh.duration)
+        curve_on, mesh = path.on, path.mesh if made else None
     else:
         known = over(problem, 1.0)
         curve_on = curve(known, guess)
