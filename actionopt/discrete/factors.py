@@ -528,12 +528,13 @@ class _Edged:
         One factorization serves for these and for the edges. Raises numpy.linalg.LinAlgError if K
         is singular.
         """
+        edges = self._beside.shape[1]
         found = self._solve_inner(np.column_stack([self._beside, *right]))
-        self._carried = found[:, : self._beside.shape[1]]
-        self._corner = self._corner - self._across @ self._carried
-        if not np.isfinite(self._corner).all():
+        corner = self._corner - self._across @ found[:, :edges]
+        if not np.isfinite(corner).all():
             raise np.linalg.LinAlgError("the matrix is singular")
-        return found[:, self._beside.shape[1] :]
+        self._carried, self._corner = found[:, :edges], corner
+        return found[:, edges:]
 
     def _solve_inner(self, right: Array) -> Array:
         """Return the solution of K with springs for one right-hand side, or several (size, c)."""
