@@ -87,6 +87,8 @@ class FirstPaths:
         Durations over which no path was found by quick ways.
     of_family : Path or None
         One of a family of paths over one of them.
+    solved : DiscretePath or None
+        The path over a given duration that was yielded last: its question is in order.
     """
 
     problem: Problem
@@ -99,6 +101,7 @@ class FirstPaths:
     barred: bool = False
     lost: list[float] = field(default_factory=list)
     of_family: Path | None = None
+    solved: DiscretePath | None = None
 
     def firsts(
         self, guess: Guess | DiscretePath | None
@@ -134,7 +137,9 @@ class FirstPaths:
                     yield at.path, at.rows, "duration"
         if not (self.problem.start.pinned and self.problem.end.pinned):
             yield from ((path, None, "motion") for path in self._motions_to_rest())
-        yield from ((at.path, at.rows, "duration") for at in self.over_durations())
+        for self.solved in self.over_durations():
+            yield self.solved.path, self.solved.rows, "duration"
+        self.solved = None
         with suppress(ValueError):  # that no motion of the energy takes the straight line
             yield time_waypoints(self.problem, straight(self.problem).T), None, "line"
 

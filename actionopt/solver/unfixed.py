@@ -532,6 +532,8 @@ def solve_free_boundary(
     run = Unfixed(problem, tol=choices.tol, watch=watch)
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
+    elif isinstance(guess, DiscretePath):
+        run.units = guess.tr
     search = _FreeBoundarySearch(run, FirstPaths(problem, choices.tol, watch), guess, choices)
     try:
         status = search.seek(keep)
@@ -617,6 +619,8 @@ class _FreeBoundarySearch:
         for path, lam, how, damped in self.tries() if kept is None else ():
             if choices.strategies is IPOPT:
                 path, lam, how = _by_ipopt(run.problem, path, choices), None, "ipopt"
+            if run.units is None and self.first.solved is not None:
+                run.units, run.checked = self.first.solved.tr, True
             if not run.reach(path, lam, damped=damped):
                 continue
             run.found_by = how
