@@ -909,6 +909,10 @@ def test_speeds_of_the_energy():
     found, left = durations.rates(problem, q, 0.5 * u, np.zeros((3, 1)))
     assert found * u[:, 0] / 2 == pytest.approx([0.6, -0.6, 0.6])
     assert left == pytest.approx([0.25] * 3)
+    stiff = System(lambda q, v, t: v[0] ** 4 / 4, ["x"])  # the energy is 3/4 v^4
+    problem = Problem(stiff, Event(0.0, [0.0]), Event(None, [1.0]), energy=12.0)
+    found, _ = durations.rates(problem, q, u, np.zeros((3, 1)))
+    assert found * u[:, 0] == pytest.approx([2.0, -2.0, 2.0])
 
 
 @pytest.mark.parametrize("energy", [6.0, 13.5])

@@ -50,11 +50,15 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
 
     with np.errstate(all="ignore"):
         rest = H(0 * u)
-        left, rate = energy - rest, np.ones(len(q))
+        left, rate, last, factor = energy - rest, np.ones(len(q)), None, np.ones(len(q))
         # The unit of rates is unknown: kinetic energies that are not finite are too large.
         for _ in range(PATIENT):  # one where L is quadratic in v
             T = H(rate[:, None] * u) - rest
-            factor = np.sqrt(np.abs(left / T))
+            power = 2.0 if last is None else np.log(T / last) / np.log(factor)  # of the rate
+            last, ratio = T, np.abs(left / T)
+            factor = np.sqrt(ratio)
+            if not np.all(np.abs(factor - 1) < 1e-12):
+                factor = np.where(power > 0, ratio ** (1 / power), factor)
             factor = np.where(np.isfinite(factor) & (factor > 0), np.clip(factor, 1e-6, 1e6), 0.5)
             rate = rate * factor
             if np.all(np.abs(factor - 1) < 1e-12):
@@ -130,50 +134,48 @@ def explain_barrier(problem: Problem) -> str:
         return ""
     if problem.has_moving_surface:  # another energy
         return ""
-    n, energy = problem.system.n, float(problem.energy or 0.0)
+    n = problem.system.n
     places = [np.array(e.q, dtype=float) if len(e.pinned) == n else None for e in ends]
     if problem.through:  # between, it may be another one
         told = [(law, q) for law, q in zip((laws[0], laws[-1]), places, strict=True)]
-        found = [barrier(problem, law, q[None], energy) for law, q in told if q is not None]
+        found = [barrier(problem, law, q[None]) for law, q in told if q is not None]
         alike = all(e.t is None and not (e.on and e.on.depends_on_time) for e in problem.through)
         return next(filter(None, found), "") if alike else ""
     q = np.array([place for place in places if place is not None])
     if n == 1 and len(q) == 2:
         q = q[0] + np.linspace(0.0, 1.0, LINE)[:, None] * (q[1] - q[0])
-    return barrier(problem, laws[0], q, energy) if len(q) else ""
+    return barrier(problem, laws[0], q) if len(q) else ""
 
 
-def barrier(
-    problem: Problem,
-    law: System,
-    q: Array,
-    energy: float,
-    what: str = "every motion has to pass",
-    margin: float = MERGED,
-) -> str:
+def barrier(problem: Problem, law: System, q: Array, what: str = "every motion has to pass") -> str:
     """Return that the energy is below the potential of the law at one of q (K, n), or nothing.
 
-    And `what` that place is. Below is what is so by a `margin`, a part of both.
+    And `what` that place is.
     """
-    t, packed = np.zeros((len(q), 1)), problem.packed_of(law)
-    first, second = law.pointwise("first"), law.pointwise("second")
+    packed, energy = problem.packed_of(law), float(problem.energy or 0.0)
     with np.errstate(all="ignore"):
-        rest = -first(q, 0 * q, t, packed)[2][:, 0]
+        rest = -law.pointwise("first")(q, 0 * q, np.zeros((len(q), 1)), packed)[2][:, 0]
         k = int(np.argmax(np.where(np.isfinite(rest), rest, -np.inf)))
-        if not rest[k] - energy > margin * max(abs(energy), abs(rest[k])):
+        if not rest[k] - energy > MERGED * max(abs(energy), abs(rest[k])):
             return ""
-        v = np.stack([0 * q[k], *np.random.default_rng(0).normal(size=(2, law.n))])
-        at = np.repeat(q[k : k + 1], 3, axis=0), v, np.zeros((3, 1)), packed
-        mass = second.full(2, second(*at)[2].copy(), symmetric=True)
-    if not (np.isfinite(mass).all() and (mass == mass[0]).all()):
-        return ""  # not quadratic in v
-    if not np.linalg.eigvalsh(mass[0])[0] > 0:
+    if not _is_least_at_rest(law, q[k], packed):
         return ""
     place = ", ".join(f"{name} = {x:.6g}" for name, x in zip(law.coordinates, q[k], strict=True))
     return (
         f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {place}, which {what}; "
         "give a larger energy"
     )
+
+
+def _is_least_at_rest(law: System, q: Array, packed: Array) -> bool:
+    """Whether no motion has less energy at q (n,) than rest: L is quadratic in v, with a mass."""
+    second = law.pointwise("second")
+    v = np.stack([0 * q, *np.random.default_rng(0).normal(size=(2, law.n))])
+    at = np.repeat(q[None], 3, axis=0), v, np.zeros((3, 1)), packed
+    with np.errstate(all="ignore"):
+        mass = second.full(2, second(*at)[2].copy(), symmetric=True)
+    same = np.isfinite(mass).all() and (mass == mass[0]).all()
+    return bool(same) and np.linalg.eigvalsh(mass[0])[0] > 0
 
 
 def explain_rest(problem: Problem) -> str:
@@ -210,8 +212,9 @@ def explain_rest(problem: Problem) -> str:
         energy = float(at(np.array([a]))[1][0])
         places = np.concatenate([q, low])[:, None]
         below = energy - TOP_ROUNDOFF * float(np.abs(potential - energy).max(initial=0.0))
-        k = int(np.argmax(at(places[:, 0])[1]))
-        if barrier(problem, law, places[k : k + 1], below, margin=0.0):
+        height = at(places[:, 0])[1]
+        k = int(np.argmax(height))
+        if height[k] > below and _is_least_at_rest(law, places[k], problem.packed):
             return (
                 f"a motion that rests at {name} = {a:.6g} in infinite time has the energy "
                 f"{energy:.6g} and does not pass {name} = {places[k, 0]:.6g} on its way to "

@@ -137,8 +137,9 @@ class FirstPaths:
                     yield at.path, at.rows, "duration"
         if not (self.problem.start.pinned and self.problem.end.pinned):
             yield from ((path, None, "motion") for path in self._motions_to_rest())
-        for self.solved in self.over_durations():
-            yield self.solved.path, self.solved.rows, "duration"
+        for at in self.over_durations():
+            self.solved = at
+            yield at.path, at.rows, "duration"
         self.solved = None
         with suppress(ValueError):  # that no motion of the energy takes the straight line
             yield time_waypoints(self.problem, straight(self.problem).T), None, "line"
@@ -155,7 +156,7 @@ class FirstPaths:
         curve, height = lowest_pass(problem, line)
         if height > NO_PASS * above:
             what = "is on the lowest of the curves between the events that were tried"
-            self.hint = barrier(problem, law, curve, float(problem.energy or 0.0), what)
+            self.hint = barrier(problem, law, curve, what)
             self.barred = bool(self.hint)
 
     def over_durations(self) -> Iterator[DiscretePath]:

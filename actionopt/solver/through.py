@@ -10,7 +10,6 @@ reflected from.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from itertools import islice
 from time import perf_counter
@@ -47,7 +46,7 @@ from actionopt.solver.waves import first_guessed, first_waves, wave_mesh
 from actionopt.solver.workspace import PATIENT
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
-from actionopt.tools.watch import OutOfTime, Watch
+from actionopt.tools.watch import OutOfTime, Watch, limit
 
 # Ad hoc.
 LEG_ELEMENTS = 2  # of a leg of a first path
@@ -196,7 +195,7 @@ def attempts(
                 left -= 1
                 yield *first, True
             try:
-                with nullcontext() if watch is None else watch.limit():
+                with limit(watch):
                     first = next(firsts, None)
             except OutOfTime:
                 late, first = True, None

@@ -8,7 +8,7 @@ given times (`refine`).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from time import perf_counter
@@ -61,7 +61,7 @@ from actionopt.solver.strategies import GUESS_ONLY, IPOPT
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import FOLLOWED_REACH, PATIENT, Workspace, alike
 from actionopt.tools.types import EPS, Array
-from actionopt.tools.watch import OutOfTime
+from actionopt.tools.watch import OutOfTime, limit
 
 STOPS = "an end free in place and time is where a motion of the energy comes to rest"
 # Ad hoc.
@@ -110,7 +110,7 @@ class Unfixed(Workspace[UnfixedPath]):
         """
         if self._moves is None:
             self._moves = ()
-            with nullcontext() if self.watch is None else self.watch.limit():
+            with limit(self.watch):
                 self._moves = moves_of(self.problem)
         return self._moves
 

@@ -201,19 +201,21 @@ class Watch:
         if self.end is not None and perf_counter() + ahead > self.end:
             raise OutOfTime
 
-    @contextmanager
-    def limit(self) -> Iterator[None]:
-        """Raise OutOfTime in the body, too, where `check_time` alone looks at the time."""
-        try:
-            with time_limit(None if self.end is None else max(self.end - perf_counter(), EPS)):
-                yield
-        except TimeUp:
-            check_time()  # of a search that this one is a part of
-            raise OutOfTime from None
-
     def affords(self, elements: int) -> bool:
         """Whether there is time for derivatives on so many elements, at the pace so far."""
         if self.end is None or self.evaluated == 0:
             return True
         now = perf_counter()
         return elements * (now - self.since) <= self.evaluated * (self.end - now)
+
+
+@contextmanager
+def limit(watch: Watch | None) -> Iterator[None]:
+    """Raise OutOfTime of a watch in the body, too, where `check_time` alone looks at the time."""
+    end = None if watch is None else watch.end
+    try:
+        with time_limit(None if end is None else max(end - perf_counter(), EPS)):
+            yield
+    except TimeUp:
+        check_time()  # of a search that this one is a part of
+        raise OutOfTime from None
