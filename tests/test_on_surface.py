@@ -457,5 +457,5 @@ def test_points_that_are_given_twice_are_one():
     problem = ao.Problem(systems.particle("x y"), ao.Event(0.0, [0.0, 0.0]), circle)
     pair = np.array([[0.0, 0.0], [0.6, 0.8]])
     pairs = [pair, pair + 1e-12, pair * [1, -1]]
-    found = [path.values[:, -1] for _, path in nearest_points.points(problem, pairs)]
+    found = [at.path.values[:, -1] for _, at in nearest_points.points(problem, pairs)]
     assert sorted(x[1] for x in found) == [-0.8, 0.8]

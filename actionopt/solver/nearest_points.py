@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from actionopt.solver.first_paths import (
     FirstPaths,
     duration_along,
     given_time,
-    line,
     straight,
 )
 from actionopt.solver.search import FIRST_FEW
@@ -45,16 +45,14 @@ def paths_to_points(
     problem: Problem, tol: float, watch: Watch | None, pairs: Iterable[Array] | None = None
 ) -> Iterator[DiscretePath]:
     """Yield paths to `points` on the surfaces, in the order of the actions along straight lines."""
-    for k, (fixed, first) in enumerate(points(problem, pairs)):
+    for k, (fixed, line) in enumerate(points(problem, pairs)):
         if fixed.free_time:
             timed = FirstPaths(fixed, tol, watch).over_durations()
             yield from islice(timed, None if k < WITH_PAINS else 1)
             continue
-        tr = Transcription(fixed, first.mesh, fixed.lengths)
-        tr.watch = watch
-        z = tr.pack(first.values.T)
-        found = approach(tr, z, PATIENT)
-        yield DiscretePath(tr, z if found is None else found[0])
+        line.tr.watch = watch
+        found = approach(line.tr, line.z, PATIENT)
+        yield line if found is None else DiscretePath(line.tr, found[0])
 
 
 def paths_between_given_times(problem: Problem, watch: Watch | None) -> Iterator[Path]:
@@ -88,7 +86,7 @@ def between_places(problem: Problem, places: Array) -> Problem:
 
 def points(
     problem: Problem, pairs: Iterable[Array] | None = None
-) -> Iterator[tuple[Problem, Path]]:
+) -> Iterator[tuple[Problem, DiscretePath]]:
     """Yield problems between points on the surfaces, and straight lines, the least action first.
 
     The points are those of `pairs` (2, n) if any are given, else those `near` each other.
@@ -101,12 +99,14 @@ def points(
             distinct.append(k)
     lines = _lines(problem, found[distinct])
     known = [line for line in lines if np.isfinite(line[0])] or lines
-    for _, pair, mesh, values in sorted(known, key=lambda line: line[0]):
-        try:
-            fixed = between_places(problem, pair)
-        except ValueError:
-            continue
-        yield fixed, Path(mesh, values)
+    for _, tr, pair, values, fixed in sorted(known, key=lambda line: line[0]):
+        if fixed is None:
+            try:
+                fixed = between_places(problem, pair)
+            except ValueError:
+                continue
+            tr = Transcription(fixed, tr.mesh, fixed.lengths)
+        yield fixed, DiscretePath(tr, tr.pack(values.T))
 
 
 def near(
@@ -141,24 +141,37 @@ def sizes(problem: Problem) -> Array:
     return np.where(np.isfinite(found) & (found > 0), found, size)
 
 
-def _lines(problem: Problem, pairs: Array) -> list[tuple[float, Array, Mesh, Array]]:
-    """Return the actions along straight lines between points (K, 2, n), these, and the lines.
+class _Line(NamedTuple):
+    """A straight line between points (2, n), its values on a mesh, and the action along it.
 
-    That is S + E T where the time is free, and infinite where a mass is below zero.
+    The action is S + E T where the time is free, and infinite where a mass is below zero; `fixed`
+    is the problem between the points, if it was made and `tr` is of that.
     """
+
+    action: float
+    tr: Transcription
+    pair: Array
+    values: Array
+    fixed: Problem | None
+
+
+def _lines(problem: Problem, pairs: Array) -> list[_Line]:
+    """Return the straight lines between points (K, 2, n)."""
     ends, system = (problem.start, problem.end), problem.system
     loose = [[e.on is None and x is None for x in e.near] for e in ends]  # keep the other's
     tr, lines, states = None, [], []
     for pair in pairs:
+        fixed = None
         if tr is None or problem.free_time:
             try:
-                tr = _straight(between_places(problem, pair)).tr
+                fixed = between_places(problem, pair)
+                tr = _straight(fixed)
             except ValueError:
                 continue
         first, last = np.where(loose, pair[::-1], pair)[:, :, None]
         part = tr.mesh.nodes_since / tr.mesh.duration
         values = first + part * (last - first)
-        lines.append((tr, pair, values))
+        lines.append((tr, pair, values, fixed))
         states.append((*tr.state_of(values.T), tr.times))
     if not lines:
         return []
@@ -170,20 +183,22 @@ def _lines(problem: Problem, pairs: Array) -> list[tuple[float, Array, Mesh, Arr
             mass = system.pointwise("second")(*state)[2][:, row == col]
             L[(mass < 0).any(axis=1)] = np.inf
         energy, found = (problem.energy or 0.0) if problem.free_time else 0.0, []
-        last = np.cumsum([tr.weight.size for tr, *_ in lines])  # they may take different meshes
-        for (tr, pair, values), each in zip(lines, np.split(L, last[:-1]), strict=True):
-            S = float(tr.weight[:, 0] @ each) + energy * tr.mesh.duration
-            found.append((S if np.isfinite(S) else np.inf, pair, tr.mesh, values))
+        first = 0
+        for line in lines:
+            tr, last = line[0], first + line[0].weight.size  # they may take different meshes
+            S = float(tr.weight[:, 0] @ L[first:last]) + energy * tr.mesh.duration
+            found.append(_Line(S if np.isfinite(S) else np.inf, *line))
+            first = last
         return found
 
 
-def _straight(problem: Problem) -> DiscretePath:
-    """Return the straight line, in the time of a motion of the energy where that is free."""
+def _straight(problem: Problem) -> Transcription:
+    """Return the action near the straight line, in the time of the energy where that is free."""
     fixed = over(problem, duration_along(problem, straight(problem)))
     few = problem.system.n <= FEW_COORDINATES or problem.system.m > 0
     elements = LINEAR if few else max(FIRST_FEW, fewest_elements(fixed))
     mesh = Mesh.uniform(fixed.start.t, fixed.end.t, elements, COARSE_DEGREE)
-    return DiscretePath.of(fixed, Path(mesh, line(problem, mesh)))
+    return Transcription(fixed, mesh, fixed.lengths)
 
 
 def _pairs(problem: Problem, away: Array, size: Array) -> Array:
