@@ -95,6 +95,7 @@ def resolve(first: DiscretePath, error: float, tol: float, *, polish: bool = Fal
         mesh = finer(tr.mesh, tol, form=found, Q=found.at.Q / tr.lengths if polish else None)
         if mesh is None:
             break
+        del found, tr  # before the next are made
         at = first.on(mesh, first.multipliers(mesh.nodes))
         found = form(at.polish() if polish else at)
     return found
