@@ -6,8 +6,9 @@ import numpy as np
 
 from actionopt.analysis.index import ERROR_GAIN, INDEX_RESOLUTION, INDEX_TOLERANCE, LOOSEST
 from actionopt.analysis.jacobi import COEFFICIENT_NOISE, COEFFICIENT_SAMPLES
+from actionopt.discrete.elimination import least_pivots
 from actionopt.discrete.mesh import MAX_DEGREE
-from actionopt.discrete.stacks import Factored, Stack, StackShape, pivots
+from actionopt.discrete.stacks import Factored, Stack, StackShape
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import RANK, Array
 
@@ -55,6 +56,6 @@ def _count(stack: Stack, Q: Array, error: float) -> Array:
             noise = COEFFICIENT_NOISE * np.abs(x).max(axis=0)
             tail = tail.reshape(shape.E, C)
             resolved &= ((tail <= noise) | (tail <= INDEX_RESOLUTION * unit)).all(axis=0)
-    least = pivots(shape.n, rows, cols, second[2])  # Legendre's condition
+    least = least_pivots(shape.n, rows, cols, second[2])  # Legendre's condition
     convex = (least > RANK * np.abs(second[2][:, own]).max(axis=1)).all(axis=(0, 1))
     return np.where(resolved & convex & (low == factored.negative), low, -1)

@@ -18,6 +18,14 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from actionopt.discrete.elimination import (
+    Band,
+    backward,
+    eliminate,
+    forward,
+    invert,
+    multiply,
+)
 from actionopt.discrete.energy_balance import (
     AMPLIFIED,
     FEW_ELEMENTS,
@@ -45,73 +53,6 @@ WHOLE_MATRICES = 2**23  # numbers in the matrices with those that are never touc
 # way, those of 10 links a tenth less together.
 FEWEST, WORK = 16, 3000
 MOST_AT_ONCE, LEAST_AT_ONCE = 256, 8  # members
-
-
-class Band(NamedTuple):
-    """Where symmetric matrices have entries, or get some as rows are eliminated.
-
-    Attributes
-    ----------
-    first : list of int
-        The first row with an entry in each column.
-    beyond : list of lists of slices
-        The columns from each row's own on in which it has entries.
-    beside, empty : lists of pairs of slices
-        Rows inside, and columns of the ends, with entries; and rows and columns that are to be zero
-        before any are put there.
-    size : int
-        How many entries there are, about.
-    """
-
-    first: list[int]
-    beyond: list[list[slice]]
-    beside: list[tuple[slice, slice]]
-    empty: list[tuple[slice, slice]]
-    size: int
-
-    @classmethod
-    def full(cls, rows: int) -> Band:
-        """Return that of matrices whose entries are all there."""
-        return cls([0] * rows, [[slice(r, rows)] for r in range(rows)], [], [], rows**2)
-
-    @classmethod
-    def of(cls, system: System, inside: int, *, ends: bool) -> Band:
-        """Return that of elements' matrices, so many nodes `inside`, in the order of `_rows`.
-
-        With rows and columns of their `ends`, or those of the nodes inside alone.
-        """
-        n, (early, last) = system.n, couplings(system)
-        places, inner = (inside + 2) * n, inside * n
-        first, beyond = [], []
-        for a in range(n):
-            stop, far = inside * (last[a] + 1), last[a] + 1
-            whole = ends and far == n
-            at_ends = [slice(k, k + far) for k in (inner, inner + n)] if ends else []
-            for r in range(a * inside, (a + 1) * inside):
-                first.append(inside * early[a])
-                beyond.append([slice(r, places)] if whole else [slice(r, stop), *at_ends])
-        for r in range(inner, places if ends else inner):
-            first.append(inside * early[(r - inner) % n])
-            beyond.append([slice(r, places)])
-        size = 2 * sum(here.stop - here.start for spans in beyond for here in spans)
-        beside, empty = [], [(slice(inner, places), slice(inner, places))]
-        for a in range(n):
-            rows = slice(a * inside, (a + 1) * inside)
-            far = slice(0, n) if ends else slice(early[a], last[a] + 1)
-            beside += [(rows, slice(k + far.start, k + far.stop)) for k in (inner, inner + n)]
-            # As far as the rows below it are read.
-            empty.append((rows, slice(a * inside, inside * (last[last[a]] + 1))))
-        whole = system.pointwise("second").sparsity(2)[0].size == n * (n + 1) // 2
-        return cls(first, beyond, beside, [] if whole else empty + beside, size)
-
-    @property
-    def work(self) -> int:
-        """How many multiplications elimination takes, about."""
-        return sum(
-            (r - first) * (here.stop - here.start)
-            for r, (first, spans) in enumerate(zip(self.first, self.beyond, strict=True))
-            for here in spans
-        )
 
 
 class StackShape:
@@ -591,8 +532,8 @@ class Factored:
         s.assemble(M, coefficients)
         at = np.arange(s.places)
         self.largest = np.abs(M[at, at]).reshape(s.places * s.E, -1).max(axis=0)
-        self.inverse = _eliminate(M, s.inner, s.band)
-        self.negative = _negative(self.inverse.reshape(s.inner * s.E, -1))
+        self.inverse = eliminate(M, s.inner, s.band)
+        self.negative = (self.inverse.reshape(s.inner * s.E, -1) < 0).sum(axis=0)
         # Nothing is beyond ends that are given.
         levels = range(0 if s.has_given_ends else s.E + 1)
         ends = M[s.inner :, s.inner :].reshape(2 * n, 2 * n, s.E, -1)
@@ -610,9 +551,9 @@ class Factored:
             for i in pinned:
                 D[i], D[:, i], beside[i] = 0.0, 0.0, 0.0
                 D[i, i] = 1.0
-            inverse, negative = _invert(D)
+            inverse, negative = invert(D)
             self.negative = self.negative + negative
-            response = _times(inverse, beside)
+            response = multiply(inverse, beside)
             if e < s.E:
                 carry = ends[n:, n:, e] - np.einsum("iab,icb->acb", beside, response)
             self.levels.append((inverse, response))
@@ -635,7 +576,7 @@ class Factored:
         self._between(moved := -pull)
         self.fields = fields = moved + fields
         joint = np.einsum("ijec,ikec->jkc", fields, np.einsum("ijec,jkec->ikec", ends, fields))
-        self.joint, negative = _invert(joint)
+        self.joint, negative = invert(joint)
         self.negative = self.negative + negative
 
     def solve(self, right: Array) -> Array:
@@ -645,19 +586,19 @@ class Factored:
         """
         s = self.shape
         inner = right.reshape(*right.shape[:-2], -1)
-        _forward(self.M, self.inverse, inner, s.band)
+        forward(self.M, self.inverse, inner, s.band)
         ends = right[s.inner :]  # (2 n, ..., E, C)
         if s.has_given_ends:
             ends[...] = 0.0
-            _backward(self.M, self.inverse, inner, s.band)
+            backward(self.M, self.inverse, inner, s.band)
             return right
         if s.closed:
             joint = np.einsum("ijec,i...ec->j...c", self.fields, ends)
             self._between(ends)
-            ends += np.einsum("ijec,j...c->i...ec", self.fields, _times(self.joint, joint))
+            ends += np.einsum("ijec,j...c->i...ec", self.fields, multiply(self.joint, joint))
         else:
             self._between(ends)
-        _backward(self.M, self.inverse, inner, s.band)
+        backward(self.M, self.inverse, inner, s.band)
         return right
 
     def _between(self, ends: Array) -> None:
@@ -669,13 +610,13 @@ class Factored:
             pinned = s.pinned_coordinates(e)
             if pinned:
                 r[pinned] = 0.0
-            kept.append(_times(inverse, r))
+            kept.append(multiply(inverse, r))
             if e < s.E:
                 beyond = ends[n:, ..., e, :] - np.einsum("icb,i...b->c...b", response, r)
         later = kept[-1]
         for e in range(s.E - 1, -1, -1):
             ends[n:, ..., e, :] = later
-            later = kept[e] - _times(self.levels[e][1], later)
+            later = kept[e] - multiply(self.levels[e][1], later)
             ends[:n, ..., e, :] = later
 
     def responses(self) -> Array:
@@ -686,8 +627,8 @@ class Factored:
         if s.has_given_ends:
             for rows, cols in s.band.beside:
                 found[rows, slice(cols.start - s.inner, cols.stop - s.inner)] = -self.M[rows, cols]
-            _forward(self.M, self.inverse, found, s.band)
-        _backward(self.M, self.inverse, found, s.band)
+            forward(self.M, self.inverse, found, s.band)
+        backward(self.M, self.inverse, found, s.band)
         return found
 
 
@@ -717,20 +658,6 @@ def compile_function(system: System, name: str) -> Columns:
     return system.memoize(f"program {name}", build)
 
 
-def couplings(system: System) -> tuple[list[int], list[int]]:
-    """Return the first and the last coordinate with which each is coupled as it is eliminated.
-
-    In their order, so that the first, and the last, of a later one is no earlier.
-    """
-    n, pointwise = system.n, system.pointwise("second")
-    beside = np.eye(n, dtype=bool)
-    for k in range(3):
-        rows, cols = pointwise.sparsity(k)
-        beside[rows, cols] = beside[cols, rows] = True
-    last = np.maximum.accumulate(n - 1 - np.argmax(beside[:, ::-1], axis=1))
-    return np.searchsorted(last, np.arange(n)).tolist(), last.tolist()
-
-
 def _rows(P: int, n: int) -> NDInt:
     """Return the rows (P, n) of coordinates at nodes in the elements' matrices.
 
@@ -742,70 +669,6 @@ def _rows(P: int, n: int) -> NDInt:
     return found
 
 
-def _eliminate(M: Array, count: int, band: Band) -> Array:
-    """Eliminate the first rows of symmetric matrices (f, f, B), upper rows, in place: U = D L'.
-
-    Return the inverse pivots (count, B). Row by row, each from all rows above it.
-    """
-    inverse = np.empty((count, M.shape[2]))
-    for r in range(len(band.first)):
-        above = slice(band.first[r], min(r, count))
-        scaled = M[above, r] * inverse[above]
-        for here in band.beyond[r]:
-            M[r, here] -= np.einsum("ib,icb->cb", scaled, M[above, here])
-        if r < count:
-            np.divide(1.0, M[r, r], out=inverse[r])
-    return inverse
-
-
-def _forward(M: Array, inverse: Array, right: Array, band: Band) -> None:
-    """Eliminate in right-hand sides (f, ..., B) what `_eliminate` did, in place: D y = right."""
-    count = len(inverse)
-    for r in range(len(band.first)):
-        above = slice(band.first[r], min(r, count))
-        right[r] -= np.einsum("ib,i...b->...b", M[above, r], right[above])
-        if r < count:
-            right[r] *= inverse[r]
-
-
-def _backward(M: Array, inverse: Array, right: Array, band: Band) -> None:
-    """Solve L' x = y in place, (f, ..., B), for the rows that were eliminated, the others known."""
-    for r in range(len(inverse) - 1, -1, -1):
-        for k, here in enumerate(band.beyond[r]):
-            here = slice(here.start + 1, here.stop) if k == 0 else here
-            beyond = np.einsum("cb,c...b->...b", M[r, here], right[here])
-            beyond *= inverse[r]
-            right[r] -= beyond
-
-
-def _invert(D: Array) -> tuple[Array, Array]:
-    """Return the inverses of symmetric matrices (n, n, B), and their negative eigenvalues (B,)."""
-    n = len(D)
-    if n == 1:
-        return 1.0 / D, (D[0, 0] < 0).astype(int)
-    M = np.zeros((n, 2 * n, D.shape[2]))
-    M[:, :n] = D
-    M[np.arange(n), n + np.arange(n)] = 1.0
-    pivots = np.empty((n, D.shape[2]))
-    for i in range(n):  # Gauss and Jordan
-        pivots[i] = M[i, i]
-        M[i] /= pivots[i]
-        for r in range(n):
-            if r != i:
-                M[r] -= M[r, i] * M[i]
-    return M[:, n:], _negative(pivots)
-
-
-def _times(A: Array, x: Array) -> Array:
-    """Return the products of matrices (n, n, B) and x (n, ..., B)."""
-    return np.einsum("icb,c...b->i...b", A, x)
-
-
-def _negative(inverse: Array) -> Array:
-    """Return how many pivots are negative, (B,)."""
-    return (inverse < 0).sum(axis=0)
-
-
 def _work(slopes: Array, momentum: Array) -> Array:
     """Return the work (P, n, E, C) of momenta (points, n, E, C) on the rates of the nodes."""
     constant = momentum[0]  # its work is done at the element's ends alone
@@ -814,13 +677,3 @@ def _work(slopes: Array, momentum: Array) -> Array:
     work[0] -= constant
     work[-1] += constant
     return work
-
-
-def pivots(n: int, rows: NDInt, cols: NDInt, values: Array) -> Array:
-    """Return the least pivot of symmetric matrices (n, n), from nonzeros (P, nonzeros, E, C)."""
-    points, _, elements, members = values.shape
-    M = np.zeros((n, n, points * elements * members))
-    M[rows, cols] = M[cols, rows] = values.swapaxes(0, 1).reshape(rows.size, -1)
-    _eliminate(M, n, Band.full(n))
-    at = np.arange(n)
-    return M[at, at].min(axis=0).reshape(points, elements, members)

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import SolveError
+from actionopt.discrete.elimination import couplings
 from actionopt.discrete.path import Path
-from actionopt.discrete.stacks import couplings
 from actionopt.families.dispatch import Intake, check_executor, dispatch
 from actionopt.families.grid import Grid
 from actionopt.families.path_store import PackedPaths
