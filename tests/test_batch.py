@@ -153,7 +153,7 @@ def test_searches_beyond_a_fold_have_a_budget(monkeypatch):
     assert found.success.tolist() == exists.tolist()
     # Of those that have none a few are searched for, at the price of many, the others not.
     assert np.array_equal(found.alone | found.unsought, ~exists | found.alone)
-    assert not (found.alone & found.unsought).any() and 1 <= (found.alone & ~exists).sum() <= 2
+    assert 1 <= (found.alone & ~exists).sum() <= 2  # what is left of the budget ends the last one
     for i in np.flatnonzero(exists):
         middle = found.path(i)(0.5)[0]
         # The first integral at the middle, where the velocity is zero, closes the path in time 1.

@@ -87,6 +87,28 @@ def test_in_vain_as_much_may_be_spent_as_on_paths_that_were_found():
     assert free.allows
 
 
+def test_beside_known_paths_a_search_ends_with_the_budget_of_the_members_left():
+    spent, few = budget.Budget(limited=True), budget.FEW_LEFT + 2.0 * budget.EACH_LEFT
+    spent.begin(1000)
+    assert spent.limit == budget.FREE_BUDGET
+    spent.well = 5.0
+    spent.begin(2)
+    assert spent.most == few + 5.0
+    spent.count("", 2, None, {"elements": few + 5.0})
+    assert not spent.allows
+    spent.begin(1000)  # now a little for each
+    assert spent.limit == few
+    spent.count("", 3, None, {"elements": float(budget.BRIEF)})
+    with pytest.raises(budget.Exhausted):
+        spent.count("", 4, None, {"elements": 1.0})
+    spent.note_found(spent.vain - 10.0)
+    assert spent.allows and spent.limit == budget.FREE_BUDGET
+    free = budget.Budget(limited=False)
+    free.begin(2)
+    free.count("", 1, None, {"elements": 1e9})
+    assert free.allows
+
+
 def test_what_takes_longest_is_tried_on_the_first_and_on_the_finest_mesh(monkeypatch):
     meshes, far = [Mesh.uniform(1.0, 3.0, k, 3) for k in (2, 4, 8)], []
     failed = ao.Status.NOT_FOUND

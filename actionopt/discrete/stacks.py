@@ -48,10 +48,11 @@ PROGRAMS = "value", "gradient", "second", "slopes", "balance"
 # time: so little memory, that is used again. Measured: half or twice as many take a tenth longer.
 MATRICES, VALUES = 2**20, 2**17
 WHOLE_MATRICES = 2**23  # numbers in the matrices with those that are never touched; ad hoc, 64 MB
-# Members at a time from where on, and multiplications for each unknown up to which, this is faster
-# than `solve` for each. FEWEST is ad hoc. WORK measured: pendulums of 12 links take as long either
-# way, those of 10 links a tenth less together.
-FEWEST, WORK = 16, 3000
+# Members from where on, one more for so many unknowns inside an element, and multiplications for
+# each unknown up to which, this is faster than `solve` for each. Measured: in lattices of 1, 4, 10,
+# 20 and 40 masses, of 16 to 360 unknowns, from 13, 16, 23, 38 and 61 members on; pendulums of 12
+# links take as long either way, those of 10 links a tenth less together.
+FEWEST, UNKNOWNS_A_MEMBER, WORK = 12, 7, 3000
 MOST_AT_ONCE, LEAST_AT_ONCE = 256, 8  # members
 
 
@@ -159,11 +160,11 @@ class StackShape:
         """Whether there are no nodes but those inside one element, and ends that are given."""
         return self.E == 1 and not (any(self.free) or self.closed)
 
-    @property
-    def pays(self) -> bool:
-        """Whether many members take less time together than one by one."""
-        fit = self.E * self.places**2 * FEWEST <= WHOLE_MATRICES
-        return fit and self.band.work <= WORK * self.inner
+    def pays(self, members: float) -> bool:
+        """Whether so many members take less time together than one by one."""
+        fewest = FEWEST + self.inner // UNKNOWNS_A_MEMBER
+        fit = self.E * self.places**2 * fewest <= WHOLE_MATRICES
+        return members >= fewest and fit and self.band.work <= WORK * self.inner
 
     def assemble(self, M: Array, coefficients: list[Array]) -> None:
         """Put the elements' second derivatives of S into M, (places, places, B), the upper rows."""

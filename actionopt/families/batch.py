@@ -5,11 +5,12 @@ wave goes no farther from them than that works: first outwards from one member, 
 Members that do not contract wait for nearer neighbours, and are solved alone in the end: near the
 nearest one, then from nothing. So is every member of which there is any doubt: `stacked_newton`
 says what it measures. Searches from nothing that fail have a budget, and members that lie behind
-one without a path come last.
+one without a path come last. Few members are solved one after the other.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
@@ -30,7 +31,7 @@ from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, compile_function
 from actionopt.discrete.unsampled import may_have_unsampled
-from actionopt.families.budget import Budget
+from actionopt.families.budget import Budget, Exhausted
 from actionopt.families.common_mesh import denser, even, transfer_matrix
 from actionopt.families.members import Members, checked_columns, member, refusal
 from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
@@ -59,7 +60,6 @@ PREDICTED = 256  # at a time; ad hoc, a size of memory
 SAME_MEMBER = 1e-7  # distance, of the ranges, at which members are one
 BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
 # Ad hoc, where nothing else is said.
-COORDINATES = 80  # up to which elements' matrices are best eliminated member by member
 MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
 OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
@@ -186,6 +186,7 @@ class _Members:
         self.levels: list[_MeshLevel] = []
         self.base = 0
         self.seeds = np.zeros((k, 0, n))  # of known members, on the mesh of the level `base`
+        self.before = np.zeros((0, 0)), np.zeros(0)  # where members before one were, their weights
 
     def members(self) -> Members:
         """Return them all."""
@@ -299,8 +300,10 @@ class _Members:
                     self.budget.well += steps * found.mesh.elements
             if found is None or not (found.success or again):
                 near, found = found, self._search(i, problem, None)
-                if near is not None and found.status is Status.NOT_FOUND:
+                if near is not None and (found is None or found.status is Status.NOT_FOUND):
                     found = near  # which may tell more
+            if found is None:
+                return None
             slopes = slope_along(found, self.columns)
             if self.counting and found.success:
                 with suppress(ValueError):  # there is none
@@ -323,7 +326,10 @@ class _Members:
         *_, last = near.values()
         apart = self.at[list(near)] - self.at[i]
         radius = np.sqrt((apart**2).sum(axis=1).max())
-        share = weights(apart[None] / (radius if radius > SAME_MEMBER else 1.0))[0]
+        x = apart / (radius if radius > SAME_MEMBER else 1.0)
+        if not (x.shape == self.before[0].shape and np.abs(x - self.before[0]).max() < SAME_MEMBER):
+            self.before = x, weights(x[None])[0]
+        share = self.before[1]
         values = np.tensordot(share, [other.path.values for other in near.values()], 1)
         lam = np.tensordot(share, [other.lam for other in near.values()], 1)
         return replace(last, path=Path(last.mesh, values), lam=lam)
@@ -333,14 +339,19 @@ class _Members:
         self.decided[i], self.mesh[i], self.values[i] = True, len(self.meshes), found.path.values
         self.meshes.append(found.mesh.moved(0.0, 1.0))
 
-    def _search(self, i: int, problem: Problem, guess: Guess | None) -> Solution:
-        """Search as `solve` does within the budget, else briefly and from nothing."""
-        if not self.budget.allows:
-            found = refuse_rest(solve_near(problem, None, self.tol))
-            self.unsought[i] = not found.success
-            return found
-        before, given = self.budget.vain, {"tol": self.tol, "guess": guess, "throw": False}
-        found = refuse_rest(solve(problem, **given, progress=self.budget.count))
+    def _search(self, i: int, problem: Problem, guess: Guess | None) -> Solution | None:
+        """Search as `solve` does, from nothing if the budget is spent; None where that ended it."""
+        guess, before = guess if self.budget.allows else None, self.budget.vain
+        if any(status.success for status in self.status):
+            self.budget.begin(int((~self.decided).sum()))
+        try:
+            found = solve(
+                problem, tol=self.tol, guess=guess, throw=False, progress=self.budget.count
+            )
+        except Exhausted:
+            self.unsought[i] = True
+            return None
+        found = refuse_rest(found)
         if found.success:
             self.budget.note_found(before)
         return found
@@ -377,7 +388,9 @@ class _Members:
         closed = self.problem.advance is not None
         free, units = ((), ()) if closed else (start, end), (tr.lengths, tr.action_unit)
         shape = StackShape(self.problem.system, mesh, free, *units, closed=closed)
-        if not (shape.pays and self._add_level(i, solution.path, shape)):
+        # One by one members of a map are led to other kinds of path, and closed ones are lost.
+        members = math.inf if closed or len(self.columns) > 1 else len(self.status)
+        if not (shape.pays(members) and self._add_level(i, solution.path, shape)):
             return False
         self.seeds = np.zeros((len(self.status), mesh.offsets[-1] + 1, shape.n))
         self._know(i, solution.path)

@@ -17,23 +17,47 @@ from actionopt.solver.search import BUDGET
 # 60 small maps of random systems: with twice as much as one way may cost all but 3 of 2276
 # members are found that `solve` finds; with 3 times as much, on 52 of these maps, all are.
 FREE_BUDGET = 3 * BUDGET
+# Less where few members are left: two searches in vain, and for each what one that succeeds takes.
+FEW_LEFT, EACH_LEFT = 12_000, 2_000
+BRIEF = 300  # of a search beyond that; descents that succeed take 80 to 170, on five maps
+
+
+class Exhausted(Exception):
+    """What a search may cost is used up; it ends the search."""
 
 
 class Budget:
     """The cost of paths that were found, and of searches in vain; `limited` or not."""
 
     def __init__(self, limited: bool) -> None:
+        self.limited = limited
         self.limit = FREE_BUDGET if limited else math.inf
-        self.well, self.vain = 0.0, 0.0
+        self.well, self.vain, self.most = 0.0, 0.0, math.inf
 
     def count(self, stage: str, done: int, total: int | None, detail: Mapping[str, float]) -> None:
-        """Count an iteration of a search: the `progress` of `solve`. It is in vain until found."""
+        """Count an iteration of a search: the `progress` of `solve`. It is in vain until found.
+
+        Raises Exhausted where the search costs more than it may.
+        """
         self.vain += detail["elements"]
+        if self.vain > self.most:
+            raise Exhausted
+
+    def begin(self, left: int) -> None:
+        """Limit a search beside known paths, where so many members are left.
+
+        It may cost what is left of the budget, or little where nothing is.
+        """
+        if self.limited and not self.vain:
+            self.limit = min(FREE_BUDGET, FEW_LEFT + EACH_LEFT * left)
+        self.most = self.limit + self.well if self.allows else self.vain + BRIEF
 
     def note_found(self, before: float) -> None:
         """Take note that a search found a path, before which `vain` was as given."""
         self.well += self.vain - before
         self.vain = before
+        if self.limited:
+            self.limit = FREE_BUDGET
 
     @property
     def allows(self) -> bool:

@@ -48,7 +48,7 @@ def follow_expected(search: Search, expected: Solution, curve_of: Callable[[Mesh
     """
     curve = curve_of(expected.mesh)
     search.begin("linear" if search.ws.linear else "guess")
-    lam = np.nan_to_num(expected.lam.T)
+    lam = np.nan_to_num(expected.lam.T) if expected.lam.size else expected.lam.T
     search.ws.transcribe(curve.mesh, curve, lam, like=curve)
     return search.refine() if search.ws.follow(FOLLOWED_REACH) else Status.NOT_FOUND
 
