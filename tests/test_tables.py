@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import actionopt as ao
+from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.mechanics.expressions import Expressions
 from actionopt.tools.tape import Tape
 
@@ -122,3 +123,10 @@ def test_kinks_in_time_are_no_drift_of_the_energy():
     compared = ao.solve(ao.Problem(system, ao.Event(0, [0.0]), ao.Event(1, [1.0]))).compare()
     assert compared.agrees
     assert compared.energy_drift < 1e-10
+
+
+def test_boundaries_stay_at_kinks_while_the_end_passes_others():
+    kink, next_kink = (0.7, np.nextafter(0.7, 1)), (1.3, np.nextafter(1.3, 2))
+    mesh = ao.Mesh([0.0, 0.7, 1.0, 1.2], 4)
+    there = carry_boundaries(mesh, (kink,), (kink, next_kink), 0.0, 1.5)
+    assert there.boundaries == pytest.approx([0.0, 0.7, 1.18, 1.5], abs=1e-15)

@@ -26,7 +26,8 @@ def carry_boundaries(
     """Return the mesh on [start, end]; boundaries at the `old` instants move to the `new` ones.
 
     So do those at `events`, times (k,) before and after, past whatever instants they move. Times
-    are mapped affinely between instants, or on a whole leg where the numbers of these differ there.
+    are mapped affinely between instants; where the numbers of these differ on a leg, between those
+    that stay.
     """
     if not (old or new or events[0].size):
         return mesh.moved(start, end)
@@ -42,7 +43,11 @@ def carry_boundaries(
         here = at[(at > b[ends[k]] + 2 * reach) & (at < b[ends[k + 1]] - 2 * reach)]
         there = to[(to > legs[k] + 2 * reach) & (to < legs[k + 1] - 2 * reach)]
         own = np.minimum(np.searchsorted(b, here - reach), b.size - 1)
-        if here.size == there.size and np.all(np.abs(b[own] - here) <= reach):
+        if here.size != there.size:  # an end passes some: the others stay
+            apart = (here + mesh.boundaries[0])[:, None] - (there + start)
+            first, second = (np.abs(apart) <= reach).nonzero()
+            here, own, there = here[first], own[first], there[second]
+        if np.all(np.abs(b[own] - here) <= reach):
             known.append(own)
             times.append(there)
     which = np.concatenate(known)
