@@ -130,3 +130,12 @@ def test_boundaries_stay_at_kinks_while_the_end_passes_others():
     mesh = ao.Mesh([0.0, 0.7, 1.0, 1.2], 4)
     there = carry_boundaries(mesh, (kink,), (kink, next_kink), 0.0, 1.5)
     assert there.boundaries == pytest.approx([0.0, 0.7, 1.18, 1.5], abs=1e-15)
+
+
+def test_a_spike_between_two_points_of_a_table_in_q_is_not_passed_unseen():
+    width, where = 3e-4, 0.2
+    points = np.r_[np.linspace(-3, where - width, 20), where, np.linspace(where + width, 3, 20)]
+    values = np.where(points == where, -0.03 / width, 0.0)
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.interp(q[0], points, values), ["x"])
+    problem = ao.Problem(system, ao.Event(0, [-1.0]), ao.Event(0.4, [1.0]))
+    assert not ao.solve(problem, throw=False).success

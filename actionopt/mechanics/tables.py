@@ -1,6 +1,6 @@
-"""Tables of numbers as laws: np.interp of an expression, at a cost that does not grow with them.
+"""Tables of numbers as laws: np.interp of an expression, in time at a cost that does not grow.
 
-A table of more than a few points is a function that CasADi calls. It has two results: the value,
+A table in the time of more than a few points is a function that CasADi calls. It has two results: the value,
 and which piece of the table it is from, by which the instants at which a table in the time has its
 kinks are found (`instants`).
 """
@@ -19,6 +19,7 @@ from actionopt.tools.types import Array
 # Points up to which a table is written out. Measured: a call takes as long as 4 to 16 pieces; what
 # is written out can be read as a formula.
 MOST_WRITTEN = 16
+PATH_NAMES = ("q", "v", "a", "j", "s")  # of the symbols of a path (`tracing.STATE`)
 
 
 def interp(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period: Any = None):
@@ -56,7 +57,7 @@ def interp(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period
         raise ValueError("expected points of np.interp that increase, found others")
     if points.size == 1:
         found = ca.SX.ones(x.shape) * values[0]
-    elif isinstance(values, ca.SX) or points.size > MOST_WRITTEN:
+    elif not _is_of_path(x) and (isinstance(values, ca.SX) or points.size > MOST_WRITTEN):
         found = _lookup(x, points, values)
     else:
         found = _write(x, points, values)
@@ -94,12 +95,20 @@ def _numbers(given: Any) -> Array | None:
     return found if found.ndim == 1 and np.isfinite(found).all() else None
 
 
-def _write(x: ca.SX, points: Array, values: Array) -> ca.SX:
+def _is_of_path(x: ca.SX) -> bool:
+    """Return whether it may depend on the path: there narrow steps are sought in what is written.
+
+    A parameter may have the name of a coordinate or of a rate as well.
+    """
+    return any(one.name().partition("_")[0] in PATH_NAMES for one in ca.symvar(x))
+
+
+def _write(x: ca.SX, points: Array, values: Array | ca.SX) -> ca.SX:
     """Return a table as nested branches."""
     found = ca.SX(values[-1])
-    slopes = np.diff(values) / np.diff(points)
     for k in range(points.size - 2, -1, -1):
-        found = ca.if_else(x < points[k + 1], values[k] + (x - points[k]) * slopes[k], found)
+        slope = (values[k + 1] - values[k]) / (points[k + 1] - points[k])
+        found = ca.if_else(x < points[k + 1], values[k] + (x - points[k]) * slope, found)
     return ca.if_else(x < points[0], values[0], found)
 
 
