@@ -1,7 +1,7 @@
 """Tables of numbers as laws: np.interp of an expression, in time at a cost that does not grow.
 
-A table in the time of more than a few points is a function that CasADi calls. It has two results: the value,
-and which piece of the table it is from, by which the instants at which a table in the time has its
+A table in the time of more than a few points is a function that CasADi calls. It has two results:
+the value, and which piece of the table it is from, by which the instants at which the table has its
 kinks are found (`instants`).
 """
 
