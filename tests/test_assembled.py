@@ -61,7 +61,7 @@ def test_lowest_modes_take_one_factorization_just_below_them(solution, monkeypat
     form = assemble(solution.discrete, solution.error, 1e-8)
     assert form is not None
     least = (np.pi / T) ** 2 - SPEEDS.max() ** 2
-    assert 0 < least - form.bound(np.ones(N)) < 0.02
+    assert 0 < least - form.bound(np.ones(N)) - 0.01 * (np.pi / T) ** 2 < 0.02
     solver, shifts = modes._Assembled.solver, []
     monkeypatch.setattr(modes._Assembled, "solver", lambda x, s: shifts.append(s) or solver(x, s))
     assert modes._Assembled(form, np.ones(N)).lowest(2, 1)[0][0] == pytest.approx(least)

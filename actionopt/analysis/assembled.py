@@ -164,8 +164,8 @@ class AssembledForm:
             return stiffness - float(sums[0].max() * sums[1].max() / least)
         pinned = [len(event.pinned) for event in (at.problem.start, at.problem.end)]
         slowest = np.pi / tr.problem.duration / (1 if min(pinned) == system.n else 2)
-        # By half of it, so that the bound is no eigenvalue where L_qq and L_vv are constant.
-        return stiffness + slowest**2 * max(mass, 0.0) / 2
+        # A hundredth is left: the bound would be an eigenvalue where L_qq and L_vv are constant.
+        return stiffness + 0.99 * slowest**2 * max(mass, 0.0)
 
     def coupling(self, k: int) -> Coupling:
         """Return how dS/dq at all nodes, (K n,), changes with the place (n,) of an end of the path.
