@@ -139,3 +139,9 @@ def test_a_spike_between_two_points_of_a_table_in_q_is_not_passed_unseen():
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.interp(q[0], points, values), ["x"])
     problem = ao.Problem(system, ao.Event(0, [-1.0]), ao.Event(0.4, [1.0]))
     assert not ao.solve(problem, throw=False).success
+
+
+def test_symmetries_of_a_law_that_calls_a_function():
+    table = ca.interpolant("V", "bspline", [np.linspace(0.0, 9.0, 20)], np.linspace(0, 3, 20) ** 3)
+    system = ao.System(lambda q, v, t: v @ v / 2 - table(q @ q), ["x", "y"])
+    assert [str(x) for x in ao.find_symmetries(system)] == ["t: 1", "x: -y, y: x"]
