@@ -117,7 +117,7 @@ def find_symmetries(
     rows = [sum(euler(system, R), ca.SX.zeros(n))]
     if system.m:
         rows.append(system.derivatives.G @ xi + ca.jacobian(system.f, s.t) * tau)
-    # It does not depend on c; but the derivative of a function that is called has it as an argument.
+    # It does not depend on c, which stays an argument where the derivative of a function is called.
     matrix = ca.substitute(ca.jacobian(ca.vertcat(*rows), c), c, ca.SX.zeros(c.numel()))
     packed = system.table.pack(system.table.values(parameters))
     count = max(GENERIC, 3 * c.numel() // n)
