@@ -103,6 +103,9 @@ def test_beside_known_paths_a_search_ends_with_the_budget_of_the_members_left():
         spent.count("", 4, None, {"elements": 1.0})
     spent.note_found(spent.vain - 10.0)
     assert spent.allows and spent.limit == budget.FREE_BUDGET
+    spent.vain = 0.0
+    spent.begin(2)  # there are others
+    assert spent.limit == budget.FREE_BUDGET
     free = budget.Budget(limited=False)
     free.begin(2)
     free.count("", 1, None, {"elements": 1e9})

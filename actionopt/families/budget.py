@@ -30,7 +30,7 @@ class Budget:
     """The cost of paths that were found, and of searches in vain; `limited` or not."""
 
     def __init__(self, limited: bool) -> None:
-        self.limited = limited
+        self.limited, self.found = limited, False  # whether a search found a path
         self.limit = FREE_BUDGET if limited else math.inf
         self.well, self.vain, self.most = 0.0, 0.0, math.inf
 
@@ -46,16 +46,19 @@ class Budget:
     def begin(self, left: int) -> None:
         """Limit a search beside known paths, where so many members are left.
 
-        It may cost what is left of the budget, or little where nothing is.
+        It may cost what is left of the budget until one finds a path; little where nothing is left.
         """
-        if self.limited and not self.vain:
+        if self.limited and not (self.vain or self.found):
             self.limit = min(FREE_BUDGET, FEW_LEFT + EACH_LEFT * left)
-        self.most = self.limit + self.well if self.allows else self.vain + BRIEF
+        if self.allows:
+            self.most = math.inf if self.found else self.limit + self.well
+        else:
+            self.most = self.vain + BRIEF
 
     def note_found(self, before: float) -> None:
         """Take note that a search found a path, before which `vain` was as given."""
         self.well += self.vain - before
-        self.vain = before
+        self.vain, self.found = before, True
         if self.limited:
             self.limit = FREE_BUDGET
 
