@@ -365,9 +365,8 @@ def _krylov(
         last, values = values, shift + 1 / inverse[: -count - 1 : -1]
         before, move = move, float(np.abs(values - last).max())
         goal, room = KRYLOV_ERROR * (np.abs(values).max() + abs(shift)), len(block) - len(inner)
-        late = len(inner) >= FIRST_BLOCKS * width and (
-            move ** (KRYLOV_BLOCKS + 1) > goal * before**KRYLOV_BLOCKS
-        )
+        ratio = min(move / before, 1.0) if before > 0 else 0.0
+        late = len(inner) >= FIRST_BLOCKS * width and move * ratio**KRYLOV_BLOCKS > goal
         late = late and _nearer(values) - shift > (values[0] - shift) / 2
         if settled or late or not room:
             return basis @ turn[:, : -width - 1 : -1], settled

@@ -471,7 +471,7 @@ class _Meetings:
         rate = system.pointwise("constraint_rate")(self.q, self.t, packed)[0]
         b, each = tr.mesh.boundaries, np.arange(len(rows))
         self.on = held.active((b[elements,] + b[np.add(elements, 1),]) / 2).T
-        G = normals * self.on[:, :, None]
+        G = np.where(self.on[:, :, None], normals, 0.0)
         self.K = np.zeros((each.size, n + m, n + m))
         self.K[:, n:, :n], self.K[:, :n, n:] = G, -G.transpose(0, 2, 1)
         self.K[:, range(n, n + m), range(n, n + m)] = ~self.on  # no multipliers of the others

@@ -313,6 +313,7 @@ class _Members:
             (self.messages if refused else self.errors)[i] = text
             return None
         self.status[i], self.action[i], self.error[i] = found.status, found.action, found.error
+        self.unsought[i] &= not found.success
         self.iterations[i] += sum(found.stats["iterations"].values())
         self.momenta[i], self.slopes[i] = found.momenta, slopes
         self._hold(i, found)

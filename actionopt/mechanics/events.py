@@ -181,7 +181,7 @@ class Event:
 
     def at(self, t: float | None) -> Self:
         """Return the same event at another time."""
-        if isinstance(t, float) and math.isinf(t):
+        if type(self) is Event and isinstance(t, float) and math.isinf(t):
             return self._replace(t=t)  # type: ignore[return-value]
         other = object.__new__(type(self))  # the rest is known to be good
         other.__dict__.update(self.__dict__, t=None if t is None else number(t, TIME))

@@ -78,29 +78,32 @@ def _terms(tape: Tape, arguments: list[ca.SX]) -> tuple[dict[tuple, list[Term]],
     found: dict[tuple, list[Term]] = defaultdict(list)
     roots: dict[tuple, list[int]] = defaultdict(list)
     rest = ca.SX(0)
-    todo = [(tape.results[0][0], ca.SX(1))]
-    while todo:
-        root, factor = todo.pop()
-        if not moves[root]:
+    last = tape.results[0][0]
+    factors = {last: ca.SX(1)}  # of nodes that are summed up; operands stand before what they make
+    for root in range(last, -1, -1):
+        if root not in factors or not moves[root]:
             continue
+        factor, parts = factors[root], []
         code, of = tape.nodes[root].operation, tape.nodes[root].operands
         if code in (ca.OP_ADD, ca.OP_SUB):
-            todo += [(of[0], factor), (of[1], -factor if code == ca.OP_SUB else factor)]
+            parts = [(of[0], factor), (of[1], -factor if code == ca.OP_SUB else factor)]
         elif code in (ca.OP_NEG, ca.OP_TWICE):
-            todo.append((of[0], -factor if code == ca.OP_NEG else 2 * factor))
+            parts = [(of[0], -factor if code == ca.OP_NEG else 2 * factor)]
         elif code == ca.OP_MUL and not all(moves[i] for i in of):
             moving, other = of if moves[of[0]] else of[::-1]
-            todo.append((moving, factor * made[other]))
+            parts = [(moving, factor * made[other])]
         elif code == ca.OP_DIV and not moves[of[1]]:
-            todo.append((of[0], factor / made[of[1]]))
+            parts = [(of[0], factor / made[of[1]])]
         elif (form := _form(tape.nodes, root)) is None:
             rest += factor * made[root]
         else:
             found[form[0]].append((factor, form[1]))
             roots[form[0]].append(root)
+        for part, times in parts:
+            factors[part] = factors[part] + times if part in factors else times
     for form in [form for form, terms in found.items() if len(terms) < LEAST_ALIKE]:
-        factors = [factor for factor, _ in found.pop(form)]
-        rest += ca.dot(ca.vertcat(*factors), ca.vertcat(*[made[k] for k in roots[form]]))
+        given = [factor for factor, _ in found.pop(form)]
+        rest += ca.dot(ca.vertcat(*given), ca.vertcat(*[made[k] for k in roots[form]]))
     return dict(found), rest
 
 

@@ -43,12 +43,26 @@ def interp(x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period
     """
     points, values = _numbers(xp), ca.vec(fp) if isinstance(fp, ca.SX) else _numbers(fp)
     if points is None or values is None:
-        raise ValueError("expected points of np.interp that are finite numbers, found others")
+        what = "points" if points is None else "values"
+        hint = "" if points is None else "; expressions among them go with `np.stack`"
+        raise ValueError(
+            f"expected {what} of np.interp that are finite numbers, found others{hint}"
+        )
     count = values.numel() if isinstance(values, ca.SX) else values.size
     if points.size != count or not count:
         raise ValueError(f"expected as many values as points, found {count} and {points.size}")
     if period is not None:
-        points, order = np.unique(points % period, return_index=True)
+        period = abs(period)
+        if not period > 0:
+            raise ValueError(f"expected a period of np.interp that is not zero, found {period}")
+        points, order, which = np.unique(points % period, return_index=True, return_inverse=True)
+        if points.size < count and (
+            isinstance(values, ca.SX) or (values != values[order][which]).any()
+        ):
+            raise ValueError(
+                "expected one value of np.interp at a time of its period, found points that are a "
+                "period apart with two of them; leave one out"
+            )
         points = np.r_[points[-1] - period, points, points[0] + period]
         values = values[np.r_[order[-1], order, order[0]].tolist()]
         x = x - period * ca.floor(x / period)

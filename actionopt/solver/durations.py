@@ -213,7 +213,7 @@ def explain_rest(problem: Problem) -> str:
         places = np.concatenate([q, low])[:, None]
         below = energy - TOP_ROUNDOFF * float(np.abs(potential - energy).max(initial=0.0))
         height = at(places[:, 0])[1]
-        k = int(np.argmax(height))
+        k = int(np.argmax(np.where(np.isfinite(height), height, -np.inf)))
         if height[k] > below and _is_least_at_rest(law, places[k], problem.packed):
             return (
                 f"a motion that rests at {name} = {a:.6g} in infinite time has the energy "

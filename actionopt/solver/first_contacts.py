@@ -225,7 +225,7 @@ def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Arr
         normals /= np.maximum(np.linalg.norm(normals, axis=2), EPS)[:, :, None]
         cosines = np.sum(normals[1:] * normals[:-1], axis=2)
         angles = np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0)), axis=0)
-        turned[1:] = angles[:, np.argmax(angles[-1])]
+        turned[1:] = angles[:, np.argmax(np.nan_to_num(angles[-1]))]
     return times, turned
 
 

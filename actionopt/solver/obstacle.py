@@ -110,14 +110,11 @@ class Along(Workspace[Iterate]):
     ----------
     freed : bool
         Whether parts that do not press were freed already.
-    contraction : float
-        Ratio of Newton's last two steps to path and times of contact, with what is held now.
     flat : bool
         Whether a row has hardly a slope where it is held.
     """
 
     freed: bool = False
-    contraction: float = 1.0
     flat: bool = False
     _looked_at: tuple[Iterate, tuple[Array, ...]] | None = None
 
@@ -192,7 +189,7 @@ class Along(Workspace[Iterate]):
         The path is the one at hand or a `curve`, along which multipliers are those of a motion. Its
         own mesh stays where it is `resolved`.
         """
-        old, free, self.contraction = self.here.bare(), self.question, 1.0
+        old, free = self.here.bare(), self.question
         self.problem = held = self.contact_problem.holding(arcs)
         # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
         values = np.where(np.abs(old.Q) < IPOPT_TOLERANCE * free.lengths, 0.0, old.Q).T
@@ -309,7 +306,7 @@ class Along(Workspace[Iterate]):
     def _join(self, force: Array | float = 0.0) -> bool:
         """Move path and times of contact to where it is tangential; False if that fails."""
         settled = float(np.clip(SETTLED_SHARE * self.tol, *SETTLED_STEPS))
-        last, stalled = np.inf, False
+        last, stalled, contraction = np.inf, False, 1.0  # it is not that of another mesh
         for _ in range(PATIENT):
             times = self.contact_problem.contact_times
             if not times.size:
@@ -330,8 +327,8 @@ class Along(Workspace[Iterate]):
             part = self._within(times, step)
             self._shift(times, part * step)
             self.here = self.here.moved(here.z + part * move)
-            self.contraction = min(size / last, 1.0) if last < np.inf else self.contraction
-            if size * self.contraction < settled:
+            contraction = min(size / last, 1.0) if last < np.inf else contraction
+            if size * contraction < settled:
                 return True
             last = size
         return False

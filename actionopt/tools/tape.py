@@ -11,7 +11,7 @@ import casadi as ca
 
 T = TypeVar("T")
 # The second result of a function that is a table: which of the pieces its value is from.
-PIECE = "piece"
+PIECE = "actionopt_piece"
 # The operation of a call of a function that is linear between points: CasADi's are positive.
 LINEAR_TABLE = -1
 
