@@ -225,7 +225,8 @@ class Line:
 )
 def test_roots_along_a_branch(function, root):
     line = Line()
-    found = locate(line, line.here, 1.0, function)
+    there = BranchPoint(None, np.ones(1), 1.0, np.ones(2))
+    found = locate(line, line.here, there, function)
     assert found.s == pytest.approx(root, abs=1e-11)
 
 

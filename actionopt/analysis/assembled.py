@@ -230,12 +230,12 @@ def assemble(first: DiscretePath, error: float, fields: float) -> AssembledForm 
     a part of the path is conjugate. Raises ValueError where the constraints are not independent, or
     along a path through a singularity.
     """
-    if not _is_plain(first):
+    if not is_plain(first):
         return None
     at = _in_even_units(first)
     for _ in range(FIELD_ROUNDS):
         tr = at.tr
-        if not _is_convex(at):
+        if not is_convex(at):
             return None
         check_independent(at, tr.lengths, error)
         form = AssembledForm(at, tr.kkt(at.z))
@@ -267,7 +267,7 @@ def _gershgorin(parts: list[tuple[tuple[NDInt, NDInt], Array]], units: Array) ->
     return float(least.min())
 
 
-def _is_plain(at: DiscretePath) -> bool:
+def is_plain(at: DiscretePath) -> bool:
     """Whether variations are those between two events, one of which leaves nothing free."""
     problem, layout = at.problem, at.tr.layout
     n, system = problem.system.n, problem.system
@@ -297,7 +297,7 @@ def _in_even_units(at: DiscretePath) -> DiscretePath:
     return DiscretePath.of(tr.problem, at.path, at.rows_on(at.mesh), units)
 
 
-def _is_convex(at: DiscretePath) -> bool:
+def is_convex(at: DiscretePath) -> bool:
     """Whether L_vv surely is positive definite all along the path."""
     second, C = at.problem.system.pointwise("second"), at.tr.second(at.x)[2]
     row, col = second.sparsity(2)

@@ -11,9 +11,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.analysis.assembled import AssembledForm, assemble, scattered_numbers
+from actionopt.analysis.assembled import (
+    AssembledForm,
+    assemble,
+    is_convex,
+    is_plain,
+    scattered_numbers,
+)
+from actionopt.analysis.second_variation import check_independent
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import product
+from actionopt.discrete.factors import Factors, product
 
 FIELDS = 1e-4  # what a mesh may leave out of Jacobi fields: far below `CLEARLY` tolerances. Derived
 LOWEST_STEPS = 3  # of inverse iteration: at each, what is near zero grows by its inverse; ad hoc
@@ -33,6 +40,22 @@ def regular_index(first: DiscretePath, error: float, tolerance: float) -> int | 
             return None
         index = form.factors.negative() - form.at.tr.layout.rows
         return index if index >= 0 else None  # below zero it is round-off
+    except np.linalg.LinAlgError:
+        return None
+
+
+def index_on_mesh(at: DiscretePath, error: float) -> int | None:
+    """Return the index of a path as its own mesh has it, however that resolves Jacobi fields.
+
+    None where the variations are not simply those between two events, or the mass may not be
+    positive. Raises ValueError where the constraints are not independent.
+    """
+    if not (is_plain(at) and is_convex(at)):
+        return None
+    check_independent(at, at.tr.lengths, error)
+    try:
+        factors = Factors(at.tr.layout, at.tr.kkt(at.z), many=True)
+        return factors.negative_pivots() - at.tr.layout.rows
     except np.linalg.LinAlgError:
         return None
 

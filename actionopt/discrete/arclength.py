@@ -28,7 +28,6 @@ from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.contact_times import ContactEquations
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
-from actionopt.discrete.layout import border_matrix
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -43,16 +42,17 @@ from actionopt.tools.types import Array
 CORRECTIONS = 6  # of Newton's method: a step that takes more was too long
 # a correction of this size ends the corrector: the next one would be round-off
 LAST_CORRECTION = 1e-9
-# Step in s, relative to its range, for dr/ds: near EPS^(1/3), as central differences ask.
-DIFFERENCE = 1e-6
+# Step in s, relative to its range, for dr/ds: near EPS^(1/2), as differences to one side ask.
+DIFFERENCE = 1e-7
 STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): short enough
 # How far a branch that turns evenly by this angle is from its tangent, in parts of the step:
 # farther away another branch may be found. Derived.
 BEND = 0.5 * math.acos(STRAIGHT_STEP)
-# How far on dr/ds serves for the direction of a branch. Near a collision the direction turns by
-# thousands of times that. Measured on eight branches of Kepler's transfers: at 1e-3 five are lost,
-# at 1e-5 and 1e-6 none.
-SAME_SLOPE = 1e-5
+# How far on a matrix serves for the last corrections and the direction of a branch. Near a
+# collision that turns by thousands of times this. Measured on eight branches of Kepler's
+# transfers: at 1e-3 five are lost, at 1e-5 and 1e-6 none.
+SAME_MATRIX = 1e-6
+LINEAR_LEFT = 1e-6  # of a right side, what a correction leaves: the next one takes it. Ad hoc
 RUNAWAY_SIZE = 1e4  # coordinates this many times their size are no path worth following
 
 Discrete = Transcription | Bordered | ContactEquations
@@ -81,15 +81,12 @@ class BranchPoint:
 
 
 class _Corrected(NamedTuple):
-    """Where Newton's method leads: (z, s), equations, and corrections.
-
-    With the factors of the last one, or None if its dr/ds was that of another point.
-    """
+    """Where Newton's method leads: (z, s), equations, corrections, and factors from near there."""
 
     y: Array
     tr: Discrete
     count: int
-    factors: Factors | None
+    factors: Factors
 
 
 def switches_of(problem: Problem) -> tuple[Instant, ...]:
@@ -134,7 +131,7 @@ class Branch:
     arcs: tuple[Arc, ...] = ()
     like: Transcription | None = None
     bordered: Bordered | ContactEquations | None = None  # where more than the path is to be found
-    slope: tuple[Array, Array] | None = None  # dr/ds (size,), and where it was taken
+    last: tuple[float, Transcription] | None = None  # what was asked for, and what it is
     solves: int = 0  # linear systems so far
 
     def first_unknowns(self, path: Path, lam: Array | None, s: float) -> Array:
@@ -158,6 +155,8 @@ class Branch:
 
     def at(self, s: float) -> Discrete:
         """Return the transcription at s; all share their units."""
+        if self.last is not None and self.last[0] == s:
+            return self.last[1]
         problem = self.family(s)
         if self.bordered is not None:
             return self.bordered.of(problem)
@@ -166,14 +165,17 @@ class Branch:
         )
         tr = Transcription(problem, mesh, self.lengths, like=self.like)
         self.like = self.like or tr
+        self.last = s, tr
         return tr
 
     def first(self, z: Array, s: float, sign: float) -> BranchPoint:
-        """Return the point at s, with the direction in which s grows (or falls)."""
-        unknowns = z.size
-        ahead = np.r_[np.zeros(unknowns), sign * self.range]
+        """Return the point at s, with the direction in which s grows (or falls).
+
+        By Newton's method from z; where that finds none, z as it is.
+        """
+        ahead = np.r_[np.zeros(z.size), sign * self.range]
         point = BranchPoint(self.at(s), z, s, ahead)
-        return replace(point, direction=self._direction(point))
+        return self.to(point, s) or replace(point, direction=self._direction(point))
 
     def step(self, point: BranchPoint, length: float) -> tuple[BranchPoint, int] | None:
         """Return the point at about `length` further along and the corrections it took, or None."""
@@ -202,23 +204,24 @@ class Branch:
 
         None if that takes more than `most` steps, a longer first one, or does not contract.
         """
-        last, tr = 2 * first, self.at(float(y[-1]))
-        before, self.slope = self.slope, None
+        last, tr, factors = 2 * first, self.at(float(y[-1])), None
         with np.errstate(all="ignore"):
             for k in range(1, most + 1):
-                # The first step needs no slope of its own: s hardly changes across the branch.
-                slope = before[0] if before and k == 1 else self._slope(tr, y)
+                residual = tr.residual(y[:-1])
                 try:
-                    factors = self._factorize(tr, y, row, slope)
-                    change = factors.solve(np.r_[tr.residual(y[:-1]), 0.0])
+                    if factors is None or last > SAME_MATRIX:
+                        factors = self._factorize(tr, y, row, residual)
+                    change = factors.solve(np.r_[residual, 0.0], LINEAR_LEFT)
                 except np.linalg.LinAlgError:
                     return None
                 size = self._size(tr, change)
                 if not np.isfinite(size) or size > max(0.5 * last, LAST_CORRECTION):
                     return None
+                # The next one is smaller by as much at least, and counts though it is not taken.
+                spare = k > 1 and size < SAME_MATRIX and size * (size / last) < LAST_CORRECTION
                 y, last = y - change, size
-                if size < LAST_CORRECTION:
-                    return _Corrected(y, tr, k, factors if self.slope else None)
+                if spare or size < LAST_CORRECTION:
+                    return _Corrected(y, tr, k + (size >= LAST_CORRECTION), factors)
                 if row[:-1].any():  # else s is given
                     tr = self.at(float(y[-1]))
         return None
@@ -260,8 +263,7 @@ class Branch:
         y = np.r_[point.z, point.s]
         try:
             if factors is None:
-                slope = self._slope(point.tr, y)
-                factors = self._factorize(point.tr, y, point.direction, slope)
+                factors = self._factorize(point.tr, y, point.direction, point.tr.residual(point.z))
             found = factors.solve(np.r_[np.zeros(point.z.size), 1.0])
         except np.linalg.LinAlgError:
             return point.direction
@@ -270,35 +272,36 @@ class Branch:
         size = self.norm(point.tr, found)
         return found / math.copysign(size, self.inner(point.tr, found, point.direction))
 
-    def _beside(self, s: float, h: float) -> tuple[float, Discrete]:
-        """Return s + h and the equations there, or those at s where there is no question beyond."""
-        try:
-            return s + h, self.at(s + h)
-        except ValueError:
-            return s, self.at(s)
+    def _slope(self, tr: Discrete, y: Array, residual: Array) -> Array:
+        """Return dr/ds (size,) at y, where r is the residual.
 
-    def _slope(self, tr: Discrete, y: Array) -> Array:
-        """Return dr/ds (size,) at y, or where it was taken last if that is near."""
-        known = self.slope
-        if known is None or not self.norm(tr, y - known[1]) <= SAME_SLOPE:
-            z, s, h = y[:-1], float(y[-1]), DIFFERENCE * self.range
-            (ahead, after), (behind, before) = self._beside(s, h), self._beside(s, -h)
-            if ahead == behind:
-                raise ValueError(
-                    f"expected a goal from which {s:g} can be told, found none of a question "
-                    f"{h:.3g} before or behind it; try a nearer goal"
-                )
-            column = (after.residual(z) - before.residual(z)) / (ahead - behind)
-            self.slope = known = column, y
-        return known[0]
+        By a difference to one side; to both where more than the path is unknown, as the matrix of
+        that may be nearly singular: where a ray grazes, errors of this grow a millionfold.
+        """
+        z, s, h = y[:-1], float(y[-1]), DIFFERENCE * self.range
+        known = [(s, residual)]
+        for beside in (s + h, s - h):
+            try:
+                known.append((beside, self.at(beside).residual(z)))
+            except ValueError:  # there is no question
+                continue
+            if isinstance(tr, Transcription):
+                break
+        if len(known) == 1:
+            raise ValueError(
+                f"expected a goal from which {s:g} can be told, found none of a question "
+                f"{h:.3g} before or behind it; try a nearer goal"
+            )
+        (a, before), (b, after) = known[-2:]
+        return (after - before) / (b - a)
 
-    def _factorize(self, tr: Discrete, y: Array, row: Array, slope: Array) -> Factors:
+    def _factorize(self, tr: Discrete, y: Array, row: Array, residual: Array) -> Factors:
         """Factorize the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch.
 
         Raises numpy.linalg.LinAlgError if it is singular.
         """
         self.solves += 1
-        z, cut = y[:-1], tr.layout.unknowns
+        z, cut, slope = y[:-1], tr.layout.unknowns, self._slope(tr, y, residual)
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
         edges = slope[:, None], last[None, :-1], last[-1:, None]
-        return Factors(*border_matrix(tr.layout, tr.kkt(z), *edges))
+        return Factors(tr.layout, tr.kkt(z), many=True).bordered(*edges)

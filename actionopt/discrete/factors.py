@@ -19,7 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import Condensed
-from actionopt.discrete.layout import SLIM, BorderedLayout, MatrixLayout, Pattern
+from actionopt.discrete.layout import (
+    SLIM,
+    BorderedLayout,
+    Layout,
+    MatrixLayout,
+    Pattern,
+    border_matrix,
+)
 from actionopt.tools.blas import cholesky, lu
 from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
@@ -95,6 +102,28 @@ class Factors:
         other = Factors(self.layout, nonzeros, many=self._many)
         other._near = None if self.layout.small or self._even else self._direct
         return other
+
+    def bordered(self, B: Array, C: Array, D: Array) -> Factors:
+        """Return factors of [K B; C D], with one column, row and number beside this matrix.
+
+        Solutions are refined from those of K alone. Where K is too near a singular matrix for
+        that, the whole one is factorized.
+        """
+        layout = self.layout
+        assert isinstance(layout, (Layout, BorderedLayout))
+        whole = Factors(*border_matrix(layout, self.nonzeros, B, C, D), many=self._many)
+        if not (layout.small or layout.border or self._even) and self._direct is not None:
+            whole._near = _Eliminated(self, B[:, 0], C[0], float(D[0, 0])).solve
+        return whole
+
+    def direct(self, *right: Array) -> list[Array]:
+        """Return solutions but for errors for one right-hand side or two, where any are quick."""
+        assert self._direct is not None
+        layout = self.layout
+        together = not layout.keeps_factors and (self._pays or layout.storage == "sparse")
+        if len(right) > 1 and together:
+            return list(_solver(layout, "ldl", len(right))(self._regular, np.stack(right)))
+        return [self._direct(x) for x in right]
 
     @property
     def is_refined(self) -> bool:
@@ -256,6 +285,12 @@ class Factors:
         if not counted.largest <= PIVOT_GROWTH * np.abs(self.nonzeros).max():
             return negative_signs(self._full)
         return counted.negative()
+
+    def negative_pivots(self) -> int:
+        """Return the number of negative pivots, however they are rounded."""
+        if self.layout.small:
+            return self.negative()
+        return (self._kept_solver if self._pays else self._pivots).negative()
 
     @property
     def _pivots(self) -> Condensed | _Edged | SparseFactors:
@@ -492,6 +527,31 @@ def _reorder(pattern: Pattern, order: NDInt) -> tuple[ca.Sparsity, NDInt]:
     source = np.argsort(col * order.size + row)
     ordered = Pattern(pattern.shape, row[source], col[source], source)
     return ordered.sparsity, source
+
+
+class _Eliminated:
+    """Solutions of [K B; C D], with one column B and one row C, by those of K alone.
+
+    Where K is nearly singular they lose digits, which refinement brings back (W. J. F. Govaerts,
+    *Numerical Methods for Bifurcations of Dynamical Equilibria* (2000), chapter 3).
+    """
+
+    def __init__(self, factors: Factors, B: Array, C: Array, D: float) -> None:
+        self._factors, self._column, self._row, self._corner = factors, B, C, D
+        self._carried: Array | None = None  # K x = B
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for one right-hand side, (size,); NaN where K is singular."""
+        inner, last = right[:-1], right[-1]
+        try:
+            if self._carried is None:
+                x, self._carried = self._factors.direct(inner, self._column)
+            else:
+                x = self._factors.direct(inner)[0] if inner.any() else np.zeros_like(inner)
+        except np.linalg.LinAlgError:
+            return np.full(right.size, np.nan)
+        beside = (last - self._row @ x) / (self._corner - self._row @ self._carried)
+        return np.append(x - beside * self._carried, beside)
 
 
 class _Edged:

@@ -123,9 +123,9 @@ class StepTrial(NamedTuple):
 
 
 def locate(
-    branch: Branch, here: BranchPoint, length: float, function: Callable[[BranchPoint], float]
+    branch: Branch, here: BranchPoint, there: BranchPoint, function: Callable[[BranchPoint], float]
 ) -> BranchPoint | None:
-    """Return the point within `length` of `here` at which `function` vanishes (Illinois).
+    """Return the point between two ones at which `function` vanishes (Illinois).
 
     None where no steps lead to it.
     """
@@ -134,8 +134,11 @@ def locate(
         taken = branch.step(here, length)
         return None if taken is None else StepTrial(length, taken[0], float(function(taken[0])))
 
-    low, high = StepTrial(0.0, here, float(function(here))), trial_at(length)
-    if high is None or low.value * high.value > 0:
+    chord = np.r_[there.z - here.z, there.s - here.s]
+    length = branch.inner(here.tr, chord, here.direction)
+    low = StepTrial(0.0, here, float(function(here)))
+    high = StepTrial(length, there, float(function(there)))
+    if low.value * high.value > 0:
         return None
     at_low, at_high, side = low.value, high.value, 0
     for _ in range(LOCATE_STEPS):

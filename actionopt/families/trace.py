@@ -18,7 +18,7 @@ from actionopt.analysis.assembled import assemble
 from actionopt.analysis.index import NEAR_ZERO, inertia_beside, inertia_of, inertia_through
 from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.monodromy import transport_matrix
-from actionopt.analysis.regular import regular_index
+from actionopt.analysis.regular import index_on_mesh, regular_index
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.arclength import STRAIGHT_STEP, Branch, BranchPoint, Discrete, switches_of
@@ -59,6 +59,9 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.25, 1e-7
 TRACE_RESOLUTION = 1e-5
 # Times tol^(1/3), how far branches miss each other that are taken for ones that cross. Ad hoc.
 BRANCH_GAP = 3.0
+# Points in a row at which only the signs on the path's own mesh are counted, as long as they stay
+# what they were where the mesh was found to resolve the neighbours of a path, too. Ad hoc.
+COUNTED_ON_MESH = 7
 SHORTEST_TOLD = 1e-4  # a step that is halved no more to tell what changes within it
 GROWN_UNITS = 2.0  # times the units of the coordinates: then these grow along, and steps with them
 # A branch is infinite at a value where it has grown so many times, nearer to it than this part of
@@ -203,6 +206,9 @@ class _TraceRun:
     stopped: str = ""
     drifts: tuple[BranchPoint | None, bool] = (None, False)  # of which point it is known, and what
     refused: str = ""  # what is wrong with the question a step ahead
+    # Points since the index was counted with all that tells it, and what the mesh told there; None
+    # where it told another one.
+    counted: tuple[int, int] | None = None
     meshes: int = 1
     solves: int = 0
 
@@ -242,9 +248,8 @@ class _TraceRun:
             self.branch.arcs = known.arcs or ()
         lam = None if rows is None else np.nan_to_num(rows)
         z = self.branch.first_unknowns(path, lam, s)
-        point = self.branch.first(z, s, sign)
-        exact = self.branch.to(point, s)
-        self._append(exact or point)
+        self.counted = None
+        self._append(self.branch.first(z, s, sign))
 
     def end(self, why: str) -> None:
         """Say why it ended at the last point, short of the goal."""
@@ -292,7 +297,7 @@ class _TraceRun:
             if beyond is not None:
                 self.stopped = f"it reached {self._names()[beyond]}"
             return length
-        index = self._index(there)
+        index = self._index(there, last=beyond is not None)
         marks = self._marks(here, there, index)
         if marks is None:
             return length / 2
@@ -377,20 +382,28 @@ class _TraceRun:
         self.points.append(point)
         self.indices.append(index)
 
-    def _index(self, point: BranchPoint) -> int:
-        """Return the index; -1 where none is wanted. Raises _Uncounted where there is none."""
+    def _index(self, point: BranchPoint, *, last: bool = False) -> int:
+        """Return the index; -1 where none is wanted. Raises _Uncounted where there is none.
+
+        It changes where an eigenvalue passes zero. While none does on the mesh, which resolved the
+        neighbours of a path before, it is not counted anew at each point, but at the `last` one.
+        """
         if not self.counting:
             return -1
         try:
             if point.at.problem.is_course:
                 return inertia_through(point.at, 0.0).index
-            if not isinstance(point.tr, Bordered):
-                index = regular_index(point.at, self.tol, NEAR_ZERO)
-                if index is not None:
-                    return index
-            found = resolve(point.at, self.tol, TRACE_RESOLUTION)
-            count = inertia_beside if isinstance(point.tr, Bordered) else inertia_of
-            return count(found).index
+            if isinstance(point.tr, Bordered):
+                return inertia_beside(resolve(point.at, self.tol, TRACE_RESOLUTION)).index
+            told, known = index_on_mesh(point.at, self.tol), self.counted
+            if known and known[1] == told and known[0] < COUNTED_ON_MESH and not last:
+                self.counted = known[0] + 1, known[1]
+                return known[1]
+            index = regular_index(point.at, self.tol, NEAR_ZERO)
+            self.counted = None if index is None or index != told else (0, index)
+            if index is None:
+                index = inertia_of(resolve(point.at, self.tol, TRACE_RESOLUTION)).index
+            return index
         except ValueError as error:
             raise _Uncounted(_without(error)) from None
 
@@ -573,7 +586,7 @@ class _TraceRun:
             return None
         marks: list[Mark] = []
         if step.turns:
-            found = self._locate(here, step, lambda p: p.direction[-1])
+            found = locate(self.branch, here, there, lambda p: p.direction[-1])
             along = None if found is None else Step.between(self.branch, here, found).length
             if not short and (along is None or not step.turns_at(along)):
                 return None
@@ -589,7 +602,7 @@ class _TraceRun:
         problem = there.at.problem
         has_multipliers = self.counting and problem.closes and not problem.system.m
         if has_multipliers and self._doubling(here) * self._doubling(there) < 0:
-            found = self._locate(here, step, self._doubling)
+            found = locate(self.branch, here, there, self._doubling)
             marks.append(self._mark("period doubling", found or there, before, after))
         return marks
 
@@ -611,7 +624,7 @@ class _TraceRun:
             form = assemble(there.at, self.tol, TRACE_RESOLUTION)
             mesh = (form or resolve(there.at, self.tol, TRACE_RESOLUTION)).at.mesh
             if mesh is not there.at.mesh:
-                branch = replace(branch, shape=mesh, like=None, slope=None, solves=0)
+                branch = replace(branch, shape=mesh, like=None, last=None, solves=0)
                 low, high = (self._on(branch.at(p.s), p) for p in (here, there))
         # So far does an imperfection as large as `tol` part the branches of a pitchfork.
         gap = BRANCH_GAP * self.tol ** (1 / 3)
@@ -622,10 +635,6 @@ class _TraceRun:
         """Return the unknowns (size,) of the path of a point on another mesh over its times."""
         assert isinstance(tr, Transcription)
         return tr.pack(point.path.on(tr.mesh).values.T, point.at.rows_on(tr.mesh))
-
-    def _locate(self, here: BranchPoint, step: Step, function) -> BranchPoint | None:
-        """Return the point of the step at which `function` vanishes; None if there is none."""
-        return locate(self.branch, here, step.length, function)
 
     def result(self) -> Trace:
         """Return what is known so far."""

@@ -192,6 +192,8 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
     """Return an event of the same kind at another time and place."""
     if old.advance is not None:
         return old.at(t)
+    if t == old.t and q == list(old.q):
+        return old
     if old.side:
         return Tail(t, np.array(q, dtype=float), old.side, old.phase)
     return old._replace(t=t, q=q)
