@@ -112,7 +112,7 @@ class Branch:
     lengths : (n,) array
         Units of the coordinates.
     range : float
-        The unit of s.
+        The unit of s, less than zero where s is to fall: a branch and its mirror image are alike.
     times : (k + 2,) array, optional
         Those of the events of a course, at the path from which the branch is to begin.
     kappa : (c,) array, optional
@@ -173,7 +173,7 @@ class Branch:
 
         By Newton's method from z; where that finds none, z as it is.
         """
-        ahead = np.r_[np.zeros(z.size), sign * self.range]
+        ahead = np.r_[np.zeros(z.size), sign * abs(self.range)]
         point = BranchPoint(self.at(s), z, s, ahead)
         return self.to(point, s) or replace(point, direction=self._direction(point))
 
@@ -290,7 +290,7 @@ class Branch:
         if len(known) == 1:
             raise ValueError(
                 f"expected a goal from which {s:g} can be told, found none of a question "
-                f"{h:.3g} before or behind it; try a nearer goal"
+                f"{abs(h):.3g} before or behind it; try a nearer goal"
             )
         (a, before), (b, after) = known[-2:]
         return (after - before) / (b - a)

@@ -239,7 +239,7 @@ class _TraceRun:
 
         `known` is its problem with what was found.
         """
-        problem, reach = self.family(s), abs(self.goal - self.origin)
+        problem, reach = self.family(s), self.goal - self.origin
         instants = () if problem.free_time or problem.is_joined else switches_of(problem)
         self.branch = Branch(self.family, path.mesh, instants, lengths, reach)
         self.branch.times = times_of(known)
