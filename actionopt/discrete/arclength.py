@@ -304,4 +304,4 @@ class Branch:
         z, cut, slope = y[:-1], tr.layout.unknowns, self._slope(tr, y, residual)
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
         edges = slope[:, None], last[None, :-1], last[-1:, None]
-        return Factors(tr.layout, tr.kkt(z), many=True).bordered(*edges)
+        return Factors(tr.layout, tr.kkt(z), many=True).with_border(*edges)

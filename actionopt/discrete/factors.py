@@ -103,7 +103,7 @@ class Factors:
         other._near = None if self.layout.small or self._even else self._direct
         return other
 
-    def bordered(self, B: Array, C: Array, D: Array) -> Factors:
+    def with_border(self, B: Array, C: Array, D: Array) -> Factors:
         """Return factors of [K B; C D], with one column, row and number beside this matrix.
 
         Solutions are refined from those of K alone. Where K is too near a singular matrix for
