@@ -22,6 +22,17 @@ def free(q, v, t):
     return sum(x * x for x in v) / 2
 
 
+def test_many_phases_that_turn_together_are_told_apart():
+    """Phases that turn by what they are apart between nodes looked as if none had turned."""
+    n, T = 12, 5.0
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    springs = ao.System(lambda q, v, t: v @ v / 2 - q @ (K @ q) / 2, [f"q{i}" for i in range(n)])
+    problem = ao.Problem(springs, ao.Event(0.0, np.zeros(n)), ao.Event(T, np.zeros(n)))
+    speeds = 2 * np.sin(np.arange(1, n + 1) * np.pi / (2 * n + 2))
+    exact = np.sort([k * np.pi / w for w in speeds for k in range(1, 9) if k * np.pi / w < T])
+    np.testing.assert_allclose(times_of(ao.solve(problem)), exact, atol=TIME_TOLERANCE * T)
+
+
 def test_a_path_without_neighbours_has_no_conjugate_points():
     rail = ao.System(free, ["x", "y"], constraint=lambda q, t: [q[0] - t, q[1] - t * t])
     problem = ao.Problem(rail, ao.Event(0.0, [0.0, 0.0]), ao.Event(9.0, [9.0, 81.0]))

@@ -44,3 +44,16 @@ def test_terms_of_one_form_are_derived_as_one(monkeypatch, least):
         assert np.allclose(ours.full(), theirs.full(), rtol=0, atol=1e-13)
     alike, _ = separable._terms(system.lagrangian_tape, arguments)
     assert len(alike) == (0 if least == 1000 else 3)
+
+
+def test_sums_of_what_is_shared_are_gone_through_once():
+    def shared(q, v, t, *, c):
+        s = q[0] * q[0]
+        for _ in range(60):  # 2^60 terms, if each use is a term of its own
+            s = s + c * s
+        return v @ v / 2 - s
+
+    system = ao.System(shared, ["x", "y"], parameters={"c": 0.1})
+    alike, rest = separable._terms(system.lagrangian_tape, system._arguments)
+    value = ca.Function("f", system._arguments, [rest])(*[[3.0, 1.0], [2.0, 0.0], 0.0, [0.1]])
+    assert not alike and float(value) == pytest.approx(2.0 - 9.0 * 1.1**60)

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.mechanics.expressions import Expressions
+from actionopt.mechanics.tables import interp
 from actionopt.tools.tape import Tape
 
 RANDOM = np.random.default_rng(2)
@@ -145,3 +146,16 @@ def test_symmetries_of_a_law_that_calls_a_function():
     table = ca.interpolant("V", "bspline", [np.linspace(0.0, 9.0, 20)], np.linspace(0, 3, 20) ** 3)
     system = ao.System(lambda q, v, t: v @ v / 2 - table(q @ q), ["x", "y"])
     assert [str(x) for x in ao.find_symmetries(system)] == ["t: 1", "x: -y, y: x"]
+
+
+def test_periods_of_tables_are_those_of_numpy_where_ends_agree():
+    x, y = np.linspace(0.0, 0.3, 20), np.r_[np.arange(19.0), 0.0]
+    at, t = ca.SX.sym("t"), np.linspace(-0.4, 0.9, 50)
+    for period in (0.3, -0.3):
+        table = ca.Function("f", [at], [interp(at, x, y, period=period)])
+        np.testing.assert_allclose(
+            table(t[None]).full()[0], np.interp(t, x, y, period=0.3), atol=1e-12
+        )
+    for period, values, sentence in ((0.0, y, "not zero"), (0.3, np.arange(20.0), "apart")):
+        with pytest.raises(ValueError, match=sentence):
+            interp(at, x, values, period=period)

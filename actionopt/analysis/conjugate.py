@@ -42,6 +42,9 @@ BACKWARDS = 1e-6  # phases seem to pass a root backwards by rounding, and by no 
 SAME_ROOT = 1e-8  # roots this close are one, of higher multiplicity
 # How far times move that have settled; and under constraints, whose multipliers have fewer digits.
 SETTLED_TIMES, SETTLED_HELD = 1e-9, 1e-5
+# Phases from which they may be taken for one another, fewest: of 9 springs none were. And how often
+# the times between nodes are halved, most. Ad hoc.
+MANY_PHASES, PHASE_HALVINGS = 8, 8
 ILLINOIS_STEPS = 100  # never reached: superlinear, ten are many
 
 
@@ -84,8 +87,10 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
         return _merge_roots(_falls(solution), solution.problem)
     at, error = solution.discrete, solution.error
     whole = len(at.problem.end.pinned) == at.problem.system.n and not solution.problem.through
-    if whole and regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) == 0:
-        return ()  # as many as the index, and none at the end, where an eigenvalue would vanish
+    # As many as the index, and none at the end, where an eigenvalue would vanish.
+    count = regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) if whole else None
+    if count == 0:
+        return ()
     if RESTING in solution.mesh.singular_ends:
         raise ValueError(
             "expected a path whose inertia is finite at its ends, found an infinite one: "
@@ -106,7 +111,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
         elif part is not solution:
             plane = begin(solution, form)
         phases, before = Phases(form, plane), form
-        roots += _roots(phases)
+        roots += _counted_roots(phases, count)
         plane = phases.last
     return _merge_roots(roots, solution.problem)
 
@@ -230,10 +235,31 @@ def _lift(before: Array, now: Array) -> tuple[Array, Array]:
     return lifted[each, least], moves[each, least]
 
 
-def _roots(phases: Phases) -> list[float]:
-    """Return each time at which a phase passes a multiple of pi, as often as phases do."""
+def _counted_roots(phases: Phases, count: int | None) -> list[float]:
+    """Return the roots of phases, of which there are `count`, if that is known.
+
+    Many phases that turn by what they are apart between two times look as if none had turned. Times
+    are halved until all are there, or until as many are found again.
+    """
+    found = _roots(phases, 1)
+    for halvings in range(1, PHASE_HALVINGS):
+        if len(found) == count or (count is None and phases.form.freedom < MANY_PHASES):
+            break
+        finer = _roots(phases, 2**halvings)
+        if count is None and len(finer) == len(found):
+            break
+        found = finer
+    return found
+
+
+def _roots(phases: Phases, parts: int) -> list[float]:
+    """Return each time at which a phase passes a multiple of pi, as often as phases do.
+
+    They are followed from node to node of the mesh, in so many `parts`.
+    """
     mesh = phases.mesh
-    times = mesh.nodes
+    share, nodes = np.arange(parts) / parts, mesh.nodes
+    times = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * share).ravel(), nodes[-1])
     t0, t1 = times[0], times[-1]
     # Where L_vv vanishes at an end no phase is determined: from the centre of a radial problem
     # none turns far before the first node.
