@@ -9,7 +9,7 @@ import pytest
 import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis import modes, sensitivity
-from actionopt.analysis.assembled import AssembledForm, _is_convex, assemble
+from actionopt.analysis.assembled import AssembledForm, is_convex, assemble
 from actionopt.analysis.jacobi import resolve
 from actionopt.discrete.discrete_path import DiscretePath
 
@@ -169,4 +169,4 @@ def test_a_lagrangian_is_seen_to_be_convex(kinetic, known):
     system = ao.System(lambda q, v, t: kinetic(v, q), ["x", "y"])
     path = ao.Path.interpolate(lambda t: np.stack([t + 1, t + 1]), ao.Mesh.uniform(0, 1, 2, 4))
     problem = ao.Problem(system, ao.Event(0.0, path(0.0)), ao.Event(1.0, path(1.0)))
-    assert bool(_is_convex(DiscretePath.of(problem, path))) is known
+    assert bool(is_convex(DiscretePath.of(problem, path))) is known
