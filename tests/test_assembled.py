@@ -9,7 +9,7 @@ import pytest
 import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis import modes, sensitivity
-from actionopt.analysis.assembled import AssembledForm, is_convex, assemble
+from actionopt.analysis.assembled import AssembledForm, assemble, is_convex
 from actionopt.analysis.jacobi import resolve
 from actionopt.discrete.discrete_path import DiscretePath
 
