@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from actionopt.tools.immutable import immutable
+from actionopt.tools.immutable import immutable, make_unchecked
 
 
 def written():
@@ -73,3 +73,12 @@ def test_it_does_not_change(name):
 def test_arguments_are_told_as_of_any_function(given, named, sentence):
     with pytest.raises(TypeError, match=sentence):
         Point(*given, **named)
+
+
+def test_unchecked_sets_what_is_given_and_derives_nothing():
+    """A value that is known to be good is made without `__init__` and `__post_init__`."""
+    made = make_unchecked(Point, x=1.0, sum=7.0)
+    assert (type(made), made.x, made.y, made.sum) == (Point, 1.0, 2.0, 7.0)
+    assert not hasattr(made, "names")
+    with pytest.raises(FrozenInstanceError):
+        made.x = 2.0

@@ -624,6 +624,11 @@ class Solution:
             return DiscretePath(tr, tr.unknowns_of(old.place(known.x).places))
         return DiscretePath.of(held, self.path, self.lam[: held.system.m].T)
 
+    @property
+    def neighbour(self) -> DiscretePath | None:
+        """The path that was found, where `path` is what is expected near it; None elsewhere."""
+        return None if self.known is None or self.known.path is self.path else self.known
+
     def __deepcopy__(self, memo: dict[int, Any]) -> Solution:
         """Return a copy with memory of its own; what follows from it is made when asked for."""
         copied = {f.name: deepcopy(getattr(self, f.name), memo) for f in fields(self)[:-1]}

@@ -228,8 +228,8 @@ class Action:
     def over_times(self, problem: Problem) -> Self:
         """Return that of a problem over other times alone, in these units; L contains no time."""
         start, end = problem.start.t, problem.end.t
-        _ = self.joint_rates  # the same at all times
         other, before = copy(self), self.mesh
+        other.joint_rates = self.joint_rates  # the same at all times
         other.problem, other.mesh = problem, before.moved(start, end)
         factor = other.mesh.duration / before.duration
         other._point, other._kept = None, {}
@@ -856,7 +856,7 @@ class Action:
 
     def keep_second(self, x: Array) -> None:
         """Keep what `second` returns at x, until it is asked for at another."""
-        if not self.problem.system.structure.steady:  # then that keeps it
+        if not self.problem.system.structure.steady and self.place(x).second is None:
             self.place(x).second = [values.copy() for values in self.second(x)]
 
     def forces(self, x: Array) -> list[Array]:

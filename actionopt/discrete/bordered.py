@@ -319,7 +319,7 @@ class Bordered:
         """Return the nonzeros of K, the columns B and rows C beside it, and the corner D."""
         at, size, timed = self.discrete(y), self.first.layout.size, self.times_border
         if timed is not None:
-            _ = self._stretch(at).second  # kept, as they are asked for twice
+            at.tr.keep_second(at.x)  # they are asked for twice
         K, added = at.tr.kkt(at.z), self.layout.border
         B, C, D = np.zeros((size, added)), np.zeros((added, size)), np.zeros((added, added))
         events = len(at.problem.through) + 2

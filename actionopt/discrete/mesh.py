@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.tools.checks import number, numbers, whole
-from actionopt.tools.immutable import immutable
+from actionopt.tools.immutable import immutable, make_unchecked
 from actionopt.tools.lobatto import Rule, lgl, open_rule
 from actionopt.tools.types import Array, NDInt
 
@@ -88,13 +88,7 @@ class Mesh:
         singular_ends: tuple[int, int] = (0, 0),
     ) -> None:
         """Set the attributes, read-only, and raise what the class raises."""
-        if since.ndim != 1 or since.size < 2 or not np.isfinite(since).all():
-            raise ValueError(
-                "expected at least two finite element boundaries in one row, "
-                f"found an array of shape {since.shape}; give the N + 1 times of N elements"
-            )
-        if not (since[1:] > since[:-1]).all():
-            raise ValueError("expected element boundaries that increase strictly; sort them")
+        _check_increasing(since)
         for name, row in (("boundaries", boundaries), ("since", since)):
             row.setflags(write=False)
             object.__setattr__(self, name, row)
@@ -218,19 +212,13 @@ class Mesh:
         duration = end - start
         since = self.since * (duration / self.duration)
         since[-1] = duration
-        if not (np.isfinite(since).all() and (since[1:] > since[:-1]).all()):
-            return Mesh.over(start, end, since, self.degrees)  # raises
-        mesh, boundaries = object.__new__(Mesh), start + since
+        _check_increasing(since)
+        boundaries = start + since
         boundaries[-1] = end
         for row in (boundaries, since):
             row.setflags(write=False)
-        mesh.__dict__.update({name: getattr(self, name) for name in _OF_SHAPE})
-        mesh.__dict__.update(boundaries=boundaries, since=since)
-        return mesh
-
-
-# What meshes share that differ in their times alone.
-_OF_SHAPE = ("degrees", "singular_ends", "offsets", "groups")
+        shape = {k: getattr(self, k) for k in ("degrees", "singular_ends", "offsets", "groups")}
+        return make_unchecked(Mesh, boundaries=boundaries, since=since, **shape)
 
 
 def with_singular_ends(mesh: Mesh, singular_ends: tuple[int, int]) -> Mesh:
@@ -253,6 +241,17 @@ def _restore(
     mesh = object.__new__(Mesh)
     mesh._set(boundaries, since, degrees, singular_ends)
     return mesh
+
+
+def _check_increasing(since: Array) -> None:
+    """Raise ValueError for other than finite numbers that increase, two at least."""
+    if since.ndim != 1 or since.size < 2 or not np.isfinite(since).all():
+        raise ValueError(
+            "expected at least two finite element boundaries in one row, "
+            f"found an array of shape {since.shape}; give the N + 1 times of N elements"
+        )
+    if not (since[1:] > since[:-1]).all():
+        raise ValueError("expected element boundaries that increase strictly; sort them")
 
 
 def _degrees(degrees: int | ArrayLike, count: int) -> tuple[int, ...]:

@@ -62,11 +62,8 @@ class Stretch:
     @cached_property
     def second(self) -> list[Array]:
         """The nonzeros of the second derivatives of L."""
-        at, tr = self.at, self.at.tr
-        point = tr.place(at.x)
-        if point.second is None and not at.problem.system.structure.steady:  # asked for again
-            point.second = [x.copy() for x in tr.second(at.x)]
-        return tr.second(at.x)
+        self.at.tr.keep_second(self.at.x)  # asked for again
+        return self.at.tr.second(self.at.x)
 
     @cached_property
     def _products(self) -> tuple[Array, Array]:

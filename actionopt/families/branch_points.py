@@ -30,7 +30,7 @@ NULL_STEPS = 4  # of inverse iteration, for near null vectors: any border will d
 MOST_STEPS = 12  # of Newton's method; four are usual
 SETTLED_POINT = 1e-7  # arclength of the last step: one more would be of its square
 BEYOND = 0.1  # how far beyond the part sought in a first estimate may be
-SOLVED = 1e-6  # what is left of right sides: Newton's method corrects the rest
+REMAINDER = 1e-6  # what is left of right sides: Newton's method corrects the rest
 # Step of differences, in arclength: near EPS^(1/4), as second ones ask.
 DIFFERENCED = 1e-4
 
@@ -87,7 +87,7 @@ def _estimate(
     X[:cut] = scattered_numbers(cut * count).reshape(cut, count)
     for _ in range(NULL_STEPS):
         X[:cut], X[cut:] = np.linalg.qr(X[:cut])[0], 0.0
-        X = np.stack([factors.solve(x, SOLVED) for x in X.T], axis=1)
+        X = np.stack([factors.solve(x, REMAINDER) for x in X.T], axis=1)
     X /= np.abs(X[:cut]).max(axis=0)
     h = DIFFERENCED / branch.norm(tr, chord)
     rate = X.T @ _difference(branch, middle, chord, h, X)[1]
@@ -138,7 +138,7 @@ def _reduce(branch: Branch, y: Array, chord: Array, near: Array) -> _Reduced:
     factors = Factors(*border_matrix(tr.layout, tr.kkt(z), B, B.T, np.zeros((m, m))))
 
     def solve(right: Array) -> tuple[Array, Array]:
-        x = factors.solve(right, SOLVED)
+        x = factors.solve(right, REMAINDER)
         return x[:size], x[size:]
 
     X, M = (np.stack(x, axis=1) for x in zip(*map(solve, np.eye(m, size + m, size)), strict=True))

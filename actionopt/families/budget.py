@@ -46,7 +46,8 @@ class Budget:
     def begin(self, left: int) -> None:
         """Limit a search beside known paths, where so many members are left.
 
-        It may cost what is left of the budget until one finds a path; little where nothing is left.
+        The first search sets the budget, by the members left. A search may cost all of it until
+        one finds a path; little where nothing is left.
         """
         if self.limited and not (self.vain or self.found):
             self.limit = min(FREE_BUDGET, FEW_LEFT + EACH_LEFT * left)

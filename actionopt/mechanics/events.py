@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.tools.checks import items, number, numbers
-from actionopt.tools.immutable import immutable
+from actionopt.tools.immutable import immutable, make_unchecked
 from actionopt.tools.shown import MOST_SHOWN, brief, one_line
 from actionopt.tools.types import Array
 
@@ -183,9 +183,8 @@ class Event:
         """Return the same event at another time."""
         if type(self) is Event and isinstance(t, float) and math.isinf(t):
             return self._replace(t=t)  # type: ignore[return-value]
-        other = object.__new__(type(self))  # the rest is known to be good
-        other.__dict__.update(self.__dict__, t=None if t is None else number(t, TIME))
-        return other
+        known = None if t is None else number(t, TIME)
+        return make_unchecked(type(self), **self.__dict__ | {"t": known})
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
         """Return the event with its coordinates moved by `by` (n,); free ones stay free."""

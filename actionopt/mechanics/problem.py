@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,7 @@ from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.checks import by_name, entries, numbers
-from actionopt.tools.immutable import immutable
+from actionopt.tools.immutable import immutable, make_unchecked
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 
 # Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
-# What problems share of which one is the other at times that have been found.
-_BUT_TIMES = ("system", "parameters", "packed", "through", "integral", "laws", "plain")
 
 
 @immutable
@@ -210,7 +208,7 @@ class Problem:
 
     def _check_times(self) -> None:
         """Raise ValueError for times that are in no order, or far too near or far apart."""
-        if self.free_time or self.energy is not None:
+        if self.free_time or (self.energy is not None and self.asked is None):
             check_free_time(self)
         elif not self.start.t < self.end.t:
             raise ValueError(
@@ -445,11 +443,9 @@ class Problem:
 
     def _at_times(self, start: Event, end: Event) -> Problem:
         """Return the problem with times at its ends, of which the rest is known to be good."""
-        problem = object.__new__(Problem)
-        problem.__dict__.update({name: getattr(self, name) for name in _BUT_TIMES})
-        problem.__dict__.update(start=start, end=end, asked=self, energy=None)
+        others = {f.name: getattr(self, f.name) for f in fields(self)}
+        problem = make_unchecked(Problem, **others | {"start": start, "end": end, "asked": self})
         problem._check_times()
-        problem.__dict__["energy"] = self.energy
         return problem
 
     @property
@@ -690,14 +686,10 @@ def _restore_asked(
 
     Its energy goes with times that are given then.
     """
-    problem, known = object.__new__(Problem), {"laws": (), "plain": None, "asked": asked}
-    known |= {"system": system, "start": start, "end": end, "parameters": parameters}
-    known |= {"through": through, "integral": integral, "energy": None if asked else energy}
-    for name, value in known.items():
-        object.__setattr__(problem, name, value)
+    question = {"system": system, "start": start, "end": end, "parameters": parameters}
+    question |= {"through": through, "integral": integral, "energy": energy, "asked": asked}
+    problem = make_unchecked(Problem, laws=(), plain=None, **question)
     problem.__post_init__()
-    if asked is not None:
-        object.__setattr__(problem, "energy", energy)
     return problem
 
 

@@ -186,11 +186,11 @@ def _search(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
         ws.gain = guess.stats.get("gain", ws.gain)  # a neighbour is as sensitive
         if guess.problem.system is problem.system:
             ws.many = search.given is None or search.given is guess.mesh
-            if guess.known is not None and guess.known.path is not guess.path:
+            if (neighbour := guess.neighbour) is not None:
                 from actionopt.solver.near_guess import follow_expected
 
                 assert curve_of is not None
-                ws.units = guess.known.tr
+                ws.units = neighbour.tr
                 status = follow_expected(search, guess, curve_of)
             elif (problem.packed == guess.problem.packed).all():
                 from actionopt.solver.near_guess import follow_neighbour

@@ -34,6 +34,16 @@ def immutable(cls: type[T]) -> type[T]:
     return made
 
 
+def make_unchecked(cls: type[T], **values: Any) -> T:
+    """Return a value of the class with these attributes, which are known to be good.
+
+    Neither `__init__` nor `__post_init__` runs.
+    """
+    made = object.__new__(cls)
+    made.__dict__.update(values)
+    return made
+
+
 def _initializer(cls: Any) -> Any:
     """Return `__init__(self, FIELDS)` with their defaults, which ends with `__post_init__`."""
     known: dict[str, Any] = {"_set": object.__setattr__, "_missing": _Factory()}
