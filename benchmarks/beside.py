@@ -170,40 +170,57 @@ def kind(name: str, n: int, tol: float) -> dict:
 
 
 BETAS = np.linspace(0.9, 1.1, 41)
-# Solves of a question with its guess, or none, and the array or tuple that comes of many.
-MANY: dict[str, tuple[Callable[[Any], dict], Callable[..., Any], tuple[int, ...]]] = {
+# Solves of a question with its guess, or none, the array or tuple that comes of many, and how far
+# the parameter moves over these, from one neighbour to the next.
+MANY: dict[str, tuple[Callable[[Any], dict], Callable[..., Any], tuple[int, ...], str, float]] = {
     "member of a sweep, lattice": (
         many.lattice,
         lambda problem: ao.sweep(problem, over={"beta": BETAS}, tol=TOL).status,
         (1, 4, 10, 20),
+        "beta",
+        np.ptp(BETAS),
     ),
     "member of a sweep, chain": (
         lambda n: {"problem": many.chain(n)["problem"]},  # no guess: a sweep is given none
         lambda problem: ao.sweep(problem, over={"g": 9.0 + BETAS}, tol=TOL).status,
         (5, 10),
+        "g",
+        np.ptp(BETAS),
     ),
     "point of a trace, lattice": (
         many.lattice,
         lambda problem, guess=None: ao.trace(problem, "beta", 1.5, guess=guess, tol=TOL).values,
         (1, 4, 10, 20),
+        "beta",
+        0.5,
     ),
     "point of a trace, chain": (
         many.chain,
         lambda problem, guess: ao.trace(problem, "g", 10.5, guess=guess, tol=TOL).values,
         (5, 10, 20),
+        "g",
+        0.69,
     ),
-    "one of all paths, pendulum": (pendulum, lambda problem: ao.solve_all(problem, tol=TOL), (2,)),
+    "one of all paths, pendulum": (
+        pendulum,
+        lambda problem: ao.solve_all(problem, tol=TOL),
+        (2,),
+        "g",
+        0.0,
+    ),
 }
 
 
 def several(what: str, n: int) -> dict:
     """Measure one of many paths, beside a solve from its neighbour; a trace is given its first."""
-    ask, work, _ = MANY[what]
+    ask, work, _, name, reach = MANY[what]
     asked = ask(n)
-    near = {"problem": asked["problem"], "guess": ao.solve(**asked, tol=TOL)}
-    asked = near if what.startswith("point") else asked
+    problem, guess = asked["problem"], ao.solve(**asked, tol=TOL)
+    asked = {"problem": problem, "guess": guess} if what.startswith("point") else asked
     parts = len(work(**asked))
-    return row(lambda: ao.solve(**near, tol=TOL), lambda _: work(**asked), parts)
+    value = float(problem.parameters[name]) + reach / parts
+    other = problem.replace(parameters={name: value})
+    return row(lambda: ao.solve(other, guess=guess, tol=TOL), lambda _: work(**asked), parts)
 
 
 def catenoid(apart: float) -> ao.Problem:
@@ -261,7 +278,8 @@ def guards() -> dict[str, float]:
     return {f"{name}, beside": float(1 / found["ratio"]) for name, found in rows.items()}
 
 
-SIZED = {name: sizes for name, (*_, sizes) in (*FAMILIES.items(), *MANY.items())}
+SIZED = {name: asked[-1] for name, asked in FAMILIES.items()}
+SIZED |= {name: asked[2] for name, asked in MANY.items()}
 ALL = ("solve", "time", "ratio", "memory")
 # What is measured: the heading, what is asked in one process and what it is given there in turn,
 # the columns of both and those of what is found.

@@ -1,5 +1,6 @@
 """Families of paths against closed forms: through folds, past conjugate points."""
 
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -69,6 +70,22 @@ def test_soap_film_up_to_the_critical_distance():
     areas = 2 * np.pi * found.actions
     assert areas[[0, -1]] == pytest.approx([5.99179697580228, 6.84565539431063], rel=1e-9)
     assert max(found.values) < 0.6628
+
+
+def test_signs_on_the_mesh_tell_the_index_of_seven_points_in_a_row(monkeypatch):
+    """At the first point, the eighth one after it and the last it is counted with all that tells it."""
+    module, whole = sys.modules[trace.__module__], []
+    count = vars(module)["regular_index"]
+    monkeypatch.setattr(module, "LONGEST_STEP", 2 * module.FIRST_STEP)
+    monkeypatch.setattr(
+        module,
+        "regular_index",
+        lambda at, *given: whole.append(at.problem.end.t) or count(at, *given),
+    )
+    problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 0.0), ao.Event(0.5, 0.0))
+    found = trace(problem, "t1", 1.4)
+    points = np.searchsorted(found.values, whole).tolist()
+    assert points == [0, 8, len(found.values) - 1] and not found.indices.any()
 
 
 @pytest.mark.long
