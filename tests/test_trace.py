@@ -73,7 +73,7 @@ def test_soap_film_up_to_the_critical_distance():
 
 
 def test_signs_on_the_mesh_tell_the_index_of_seven_points_in_a_row(monkeypatch):
-    """At the first point, the eighth one after it and the last it is counted with all that tells it."""
+    """At the first point, the eighth after it and the last it is counted by all that tells it."""
     module, whole = sys.modules[trace.__module__], []
     count = vars(module)["regular_index"]
     monkeypatch.setattr(module, "LONGEST_STEP", 2 * module.FIRST_STEP)
