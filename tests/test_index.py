@@ -92,6 +92,15 @@ def test_eigenvalues_of_the_oscillator_on_any_mesh(half_periods, mesh):
         assert min(np.max(np.abs(shape - wave)), np.max(np.abs(shape + wave))) < 1e-5
 
 
+def test_modes_faster_than_the_mesh_of_a_path_are_resolved():
+    """As many are asked for as the path's mesh has, and more: it is refined until it tells them."""
+    solution = oscillation(0.7)
+    T, most = solution.problem.duration, solution.mesh.nodes.size + 5
+    exact = MASS * ((np.arange(1, most + 1) * np.pi / T) ** 2 - W**2)
+    found = second_variation(solution, most)
+    assert found.eigenvalues == pytest.approx(exact, rel=EIGENVALUE_TOLERANCE)
+
+
 def test_modes_on_a_sphere_are_tangent_and_of_known_eigenvalues():
     def free(q, v, t):
         return sum(x * x for x in v) / 2

@@ -12,12 +12,13 @@ import numpy as np
 from actionopt.analysis.assembled import AssembledForm, assemble
 from actionopt.analysis.full_form import FORM_ROUNDS, form_until
 from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
-from actionopt.analysis.jacobi import resolve
+from actionopt.analysis.jacobi import FIELD_ROUNDS, refine_where, resolve, tails
 from actionopt.analysis.second_variation import Form, are_units
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import product, read
+from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.course import check_whole
 from actionopt.tools.blas import one_thread
@@ -33,6 +34,7 @@ NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are r
 # Blocks with one shift, and how many more may be needed before another one pays; ad hoc.
 FIRST_BLOCKS, KRYLOV_BLOCKS = 6, 6
 KRYLOV_ERROR = 1e-13  # of values and shift, how far values move that have settled
+MODE_TAIL = 1e-4  # last coefficients of modes in their units: values to its square. Measured
 SPARE_MODES = 2  # sought beside those that are asked for, which may be as low; ad hoc
 RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where values are close; ad hoc
 MODE_SHIFTS = 50  # most; ad hoc, it ends by itself after some
@@ -74,7 +76,7 @@ def second_variation(
     ----------
     solution : Solution
     count : int
-        How many; fewer are returned on a mesh that has fewer.
+        How many; the mesh is refined until it resolves them.
     units : float or (n,) array
         Units of the coordinates in the norm int |eta / units|^2 dt: one where all coordinates
         have the same unit; a length for each where some are angles.
@@ -96,22 +98,17 @@ def second_variation(
     found = solution.inertia
     if solution.problem.is_course:
         return _on_full_forms(solution, count, given)
-    # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
-    first, resolution = solution.discrete, INDEX_RESOLUTION / 100
-    form = assemble_if_large(first, solution.error, resolution)
-    if form is not None:
-        values, vectors = _Assembled(form, given).lowest(count, found.index + found.nullity)
-        eta, shifts, units = _variations(form, vectors), False, given
-    else:
-        form = form_of(resolve(first, solution.error, resolution).at, given, phase=False)
-        values, vectors = lowest(form, count)
-        shifts = any(term.phase for term in form.tr.nodal)  # of time: they are a mode of their own
-        nodes = np.zeros((len(form.basis), form.freedom, len(values)))
-        nodes.reshape(-1, len(values))[_free(form)] = vectors
-        if form.closed:
-            nodes[-1] = nodes[0]
-        units = form.units
-        eta = units[:, None] * np.einsum("knr,krc->knc", form.basis, nodes)
+    at = solution.discrete
+    for _ in range(FIELD_ROUNDS):
+        values, eta, mesh, units, shifts = _on_mesh(at, solution.error, count, given, found)
+        scaled = eta / units[:, None]
+        scaled /= np.abs(scaled).max(axis=(0, 1), initial=0.0)
+        tail = tails(mesh, [scaled[g.nodes].reshape(*g.nodes.shape, -1) for g in mesh.groups])
+        if 0 < len(values) < count:
+            tail[:] = 1.0
+        if (finer := refine_where(mesh, tail, MODE_TAIL)) is None:
+            break
+        at = solution.discrete.on(finer, solution.discrete.multipliers(finer.nodes))
     low = found.index, found.index + found.nullity + shifts
     if not min(low[0], len(values)) <= np.sum(values < 0) <= low[1]:
         raise ValueError(
@@ -119,8 +116,32 @@ def second_variation(
             f"{np.sum(values < 0)} negative: round-off hides them in these units of the "
             "coordinates; give `units=`, of the size of each"
         )
-    modes = tuple(Path(form.at.mesh, eta[:, :, i].T) for i in range(len(values)))
+    modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
     return SecondVariation(values, modes, found, units)
+
+
+def _on_mesh(
+    first: DiscretePath, error: float, count: int, given: Array, found: Inertia
+) -> tuple[Array, Array, Mesh, Array, bool]:
+    """Return the lowest values and modes (K, n, c) on a mesh at least as fine as that of a path.
+
+    With that mesh, the units and whether a shift of time is among the modes.
+    """
+    # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
+    resolution = INDEX_RESOLUTION / 100
+    form = assemble_if_large(first, error, resolution)
+    if form is not None:
+        values, vectors = _Assembled(form, given).lowest(count, found.index + found.nullity)
+        return values, _variations(form, vectors), form.at.mesh, given, False
+    form = form_of(resolve(first, error, resolution).at, given, phase=False)
+    values, vectors = lowest(form, count)
+    nodes = np.zeros((len(form.basis), form.freedom, len(values)))
+    nodes.reshape(-1, len(values))[_free(form)] = vectors
+    if form.closed:
+        nodes[-1] = nodes[0]
+    eta = form.units[:, None] * np.einsum("knr,krc->knc", form.basis, nodes)
+    shifts = any(term.phase for term in form.tr.nodal)  # of time: they are a mode of their own
+    return values, eta, form.at.mesh, form.units, shifts
 
 
 def _on_full_forms(solution: Solution, count: int, units: Array) -> SecondVariation:
