@@ -102,6 +102,25 @@ class Homotopy(Strategy):
         return ws.go("continuation", newton_homotopy)
 
 
+class Minimax(Strategy):
+    """Least between the ends, greatest in these: above free ends over which the action falls."""
+
+    reliable, cost = False, 60
+
+    def applies(self, search: Search) -> bool:
+        problem = search.ws.problem
+        given = len(problem.start.pinned) + len(problem.end.pinned)
+        plain = problem.advance is None and not problem.through and problem.system.m == 0
+        loose = problem.system.order == 1 and given < 2 * problem.system.n
+        forced = problem.system.structure.forced
+        return super().applies(search) and plain and loose and not forced
+
+    def seek(self, ws: Workspace) -> bool:
+        from actionopt.solver.minimax import climb
+
+        return ws.go("minimax", climb)
+
+
 class LyapunovSchmidt(Strategy):
     """Newton steps that hold the few of many modes that are near a resonance, and free them later.
 
@@ -221,6 +240,7 @@ STRATEGIES: tuple[Strategy, ...] = (
     Newton("convex newton", (4,), convex=True),
     Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
     Newton("newton", (4,)),
+    Minimax("minimax", (COARSE_ELEMENTS,)),
     LyapunovSchmidt("resonance", (4,)),
     Descent("descent of many", (4, 8, 16, 32, 64), many=True),
     ComponentNewton("places", (4,)),

@@ -1,0 +1,65 @@
+"""Saddles above free ends: paths of least action between ends at which that action is greatest.
+
+Where the action falls without bound as free ends run away, the least action between given ends is
+greatest somewhere: there p = dS/dq (Hamilton's principal function) vanishes at the ends. Each step
+is Newton's for the path, and for the ends e Newton's with the signs of the eigenvalues of S_ee
+turned to negative ones, uphill. With a spring on each end, P = H + k E E', all is had from solutions
+with P, which is positive definite where the action between the ends is convex:
+
+    (P^-1)_ee = (S_ee + k)^-1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.discrete.factors import Factors, diagonal
+from actionopt.discrete.newton import SURELY
+from actionopt.discrete.transcription import Transcription
+from actionopt.tools.types import Array, NDInt
+
+STEPS = 20  # measured on random questions: what is found takes 4 to 16
+LONGEST = 1.0  # of a step of the ends, in the coordinates' sizes; ad hoc
+AWAY = 50.0  # coordinates so many times their sizes, from where it is given up; ad hoc
+STIFF = 4.0  # of the spring, in curvatures of S by one end alone; ad hoc
+
+
+def free_ends(tr: Transcription) -> NDInt:
+    """Return which unknowns are coordinates at the first and the last node."""
+    node = tr.layout.free // tr.layout.width
+    return np.flatnonzero((node == 0) | (node == tr.layout.node_count - 1))
+
+
+def climb(tr: Transcription, z: Array) -> tuple[Array | None, int]:
+    """Return a point (size,) near such a saddle, or None, and the factorizations used."""
+    ends, last = free_ends(tr), np.inf
+    columns = np.zeros((ends.size, tr.layout.size))
+    columns[np.arange(ends.size), ends] = 1.0
+    stiff = columns.sum(axis=0)
+    with np.errstate(all="ignore"):
+        for k in range(1, STEPS + 1):
+            H, gradient = tr.kkt(z), tr.residual(z)
+            spring = STIFF * float(np.abs(H).max())
+            try:
+                factors = Factors(tr.layout, H + spring * diagonal(tr.layout, stiff))
+                if not factors.definite():
+                    return None, k
+                newton = -factors.solve(gradient)
+                moved = np.stack([factors.solve(e) for e in columns], axis=1)  # P^-1 E
+                carried = np.linalg.inv(moved[ends])  # S_ee + spring
+                curvature, modes = np.linalg.eigh(carried - spring * np.eye(ends.size))
+                pull = modes.T @ (carried @ -newton[ends])  # dS/de, along the modes
+                step = modes @ (pull / np.abs(curvature))
+            except np.linalg.LinAlgError:
+                return None, k
+            length = float(np.abs(step).max())
+            step *= min(1.0, LONGEST / length) if length else 1.0
+            whole = newton + moved @ (carried @ (step - newton[ends]))
+            z, size = z + whole, float(np.abs(whole).max())
+            if not np.abs(z).max() < AWAY:
+                return None, k
+            # That was a step of Newton's own.
+            if curvature[-1] < 0 and length <= LONGEST and size < SURELY * last:
+                return z, k
+            last = size
+    return None, STEPS
