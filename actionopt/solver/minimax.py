@@ -35,13 +35,13 @@ def climb(tr: Transcription, z: Array) -> tuple[Array | None, int]:
     ends, last = free_ends(tr), np.inf
     columns = np.zeros((ends.size, tr.layout.size))
     columns[np.arange(ends.size), ends] = 1.0
-    stiff = columns.sum(axis=0)
+    springs = diagonal(tr.layout, columns.sum(axis=0))
     with np.errstate(all="ignore"):
         for k in range(1, STEPS + 1):
             H, gradient = tr.kkt(z), tr.residual(z)
             spring = STIFF * float(np.abs(H).max())
             try:
-                factors = Factors(tr.layout, H + spring * diagonal(tr.layout, stiff))
+                factors = Factors(tr.layout, H + spring * springs)
                 if not factors.definite():
                     return None, k
                 newton = -factors.solve(gradient)

@@ -49,7 +49,7 @@ REACHED = (Status.SOLVED, Status.FLOOR)
 BUDGET, EXPENSIVE = 20_000, 500
 # How many strategies, in their order, are tried from a curved line, too: those that cost little,
 # before others from the straight one, and all to which it means anything.
-CURVED_FIRST, CURVED_STRATEGIES = 2, 7
+CURVED_FIRST, CURVED_STRATEGIES = 2, 8
 # How far a curved line is from the straight one, in the motion's sizes; ad hoc, flat (`workspace`).
 CURVED_HEIGHT = 0.4
 # Of that curve, by which a descent from the line begins beside it, where a symmetry would keep it
@@ -133,6 +133,8 @@ class Search:
     may_be_least: bool = False
     around: Search | None = None  # the same from a curved line, once it was begun
     lost: list[tuple[bool, Iterate]] = field(default_factory=list)  # what could not be refined
+    # Where one strategy set out, by elements and degree: others may set out there as well.
+    lines: dict[tuple[int, int], Iterate] = field(default_factory=dict)
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
     budget: float = math.inf  # elements evaluated after which nothing expensive is tried
     tried: list[str] = field(default_factory=list)
@@ -338,10 +340,7 @@ class Search:
         meshes = sorted({max(elements, few) for elements in (*first, *strategy.meshes)})
         for elements in meshes:
             ws.restart()
-            mesh = self.uniform(elements, self.fine_degree() if strategy.steep else COARSE_DEGREE)
-            ws.transcribe(
-                mesh, known or (self._curved_line(mesh) if self.curved else self._step(mesh))
-            )
+            self._begin_on(elements, self.fine_degree() if strategy.steep else COARSE_DEGREE, known)
             if not strategy.seek(ws):
                 if (
                     strategy.minimises and ws.unbounded and ws.problem.system.F is None
@@ -369,6 +368,20 @@ class Search:
             if ws.has_kink:  # so it is on finer meshes
                 break
         return status
+
+    def _begin_on(self, elements: int, degree: int, known: Path | None) -> None:
+        """Stand on a mesh: at a path that is known, or at the line from which all set out."""
+        ws, key = self.ws, (elements, degree)
+        if known is None and key in self.lines:
+            ws.here = self.lines[key]
+            ws.here.tr.watch = ws.watch
+            return
+        mesh = self.uniform(elements, degree)
+        ws.transcribe(
+            mesh, known or (self._curved_line(mesh) if self.curved else self._step(mesh))
+        )
+        if known is None and not self._large:
+            self.lines[key] = ws.here
 
     def _was_lost(self) -> bool:
         """Whether the path at hand is one of those that could not be refined, by the same means."""

@@ -105,7 +105,7 @@ class Homotopy(Strategy):
 class Minimax(Strategy):
     """Least between the ends, greatest in these: above free ends over which the action falls."""
 
-    reliable, cost = False, 60
+    steep, persistent, reliable, cost = True, False, False, 60
 
     def applies(self, search: Search) -> bool:
         problem = search.ws.problem
@@ -240,7 +240,7 @@ STRATEGIES: tuple[Strategy, ...] = (
     Newton("convex newton", (4,), convex=True),
     Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
     Newton("newton", (4,)),
-    Minimax("minimax", (COARSE_ELEMENTS,)),
+    Minimax("minimax", (4, 8)),
     LyapunovSchmidt("resonance", (4,)),
     Descent("descent of many", (4, 8, 16, 32, 64), many=True),
     ComponentNewton("places", (4,)),
