@@ -59,12 +59,16 @@ class Descended:
 
 
 def descend(
-    tr: Transcription, z: Array, far: float = RUNAWAY, looked: float = FAR_OUT
+    tr: Transcription,
+    z: Array,
+    far: float = RUNAWAY,
+    looked: float = FAR_OUT,
+    along: Array | None = None,
 ) -> Descended:
     """Go down from z; S decreases at every step. The system has no constraints or forces.
 
     Coordinates `far` times their own size have run away; `looked` times it, they are asked whether
-    they will.
+    they will. Where S bends down along a variation `along` (size,), smaller shifts are not tried.
     """
     mu, lower_mu, count, first, last, least = 0.0, 0.0, 0, z, None, None
     with np.errstate(all="ignore"):
@@ -81,6 +85,8 @@ def descend(
             # Asked where a shift has failed, and then as long as S bends down along the last step.
             bends = least is not None and least > 0
             least = here.least_mu(last) if bends and last is not None else None
+            if along is not None and (bound := here.least_mu(along)) > 0:
+                least = max(least or 0.0, bound)
             while (least and mu < least) or not (factors := here.shifted(mu)).definite():
                 if least is None:
                     least = here.least_mu(here.steepest(gradient) if last is None else last)
@@ -167,25 +173,27 @@ def _runs_away(tr: Transcription, first: Array, z: Array) -> bool:
     return float(np.abs(z - first).max()) > 1.0 and _falls(tr, first, z - first)
 
 
-def falls_from(tr: Transcription, saddle: Array, away: Array) -> bool:
-    """Whether S falls all the way along a straight line from a saddle to a path that has run away.
+def way_down(tr: Transcription, saddle: Array, away: Array) -> Array | None:
+    """Return a variation along which S falls from a saddle all the way to a path that has run away.
 
-    The line goes `away` (size,); where that is zero it follows the variation of the lowest
-    eigenvalue of K^-1 H (power method).
+    It is `away` (size,) or its opposite; where that is zero, the variation of the lowest eigenvalue
+    of K^-1 H (power method). None if S does not fall so.
     """
     with np.errstate(all="ignore"):
         if not away.any():
             gradient, metric = tr.gradient(saddle), Factors(tr.layout, tr.kinetic(saddle))
             if not metric.definite():
-                return False
+                return None
             away = np.random.default_rng(0).standard_normal(saddle.size)
             for _ in range(POWER_STEPS):
                 away *= OFF_SADDLE / np.abs(away).max()
                 away = away - metric.solve(tr.gradient(saddle + away) - gradient)
-        away *= OFF_SADDLE / np.abs(away).max()
+        away = away * OFF_SADDLE / np.abs(away).max()
         here = tr.action_alone(saddle)
-        sides = [side for side in (away, -away) if tr.action_alone(saddle + side) < here]
-        return any(_falls(tr, saddle, side) for side in sides)
+        for side in (away, -away):
+            if tr.action_alone(saddle + side) < here and _falls(tr, saddle, side):
+                return side
+    return None
 
 
 def _falls(tr: Transcription, first: Array, away: Array) -> bool:

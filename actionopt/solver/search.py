@@ -293,17 +293,20 @@ class Search:
         problem = self.ws.problem
         if self.saddle is None or self.principle != "auto" or problem.system.m or problem.system.r:
             return False
-        from actionopt.solver.descent import descend, falls_from, loose_constants
+        from actionopt.solver.descent import descend, loose_constants, way_down
 
         tr, z = self.saddle[1].tr, self.saddle[1].z
         loose = loose_constants(tr)
-        if not falls_from(tr, z, loose):
+        down = way_down(tr, z, loose)
+        if down is None:
             return False
         mesh = self.ws.with_boundaries(self.uniform(FIRST_FEW, COARSE_DEGREE))
-        coarse = Transcription(problem, mesh, tr.lengths, like=tr)
-        coarse.watch = self.ws.watch
+        coarse = tr
+        if mesh.degrees != tr.mesh.degrees or (mesh.since != tr.mesh.since).any():
+            coarse, down = Transcription(problem, mesh, tr.lengths, like=tr), None
+            coarse.watch = self.ws.watch
         beside = coarse.pack(coarse.straight() + OFF_LINE * self._bend(mesh))
-        went = descend(coarse, beside, FAR_DOWN, NEAR_OUT)
+        went = descend(coarse, beside, FAR_DOWN, NEAR_OUT, down)
         # Constants cost no velocities: no shift may serve.
         return went.runaway or bool(loose.any() and not went.found)
 
