@@ -194,6 +194,24 @@ def test_it_is_seen_from_a_saddle_whether_the_action_is_bounded_below():
         assert (way_down(tr, saddle, loose_constants(tr)) is not None) == unbounded
 
 
+def test_a_variation_along_which_the_action_bends_down_spares_shifts(monkeypatch):
+    """The same steps, with the same shifts: those are left out that would not have served."""
+    tr = transcribed(SPRING, ([0.0], [0.0]), 4.0)
+    saddle = tr.pack(tr.straight())
+    down = way_down(tr, saddle, loose_constants(tr))
+    assert down is not None
+    aside = 0.3 * np.sin(2 * np.pi * tr.mesh.nodes / 4.0)[:, None]  # which the gradient keeps to
+    asked, definite = [0], Factors.definite
+    monkeypatch.setattr(Factors, "definite", lambda f: asked.append(1) or definite(f))
+    ends, counts = [], []
+    for along in (None, down):
+        asked.clear()
+        ends.append(descend(tr, tr.pack(tr.straight() + aside), 32.0, 2.0, along))
+        counts.append(len(asked))
+    assert ends[0].runaway and ends[1].runaway and ends[0].iterations == ends[1].iterations
+    assert np.array_equal(ends[0].z, ends[1].z) and counts[1] < counts[0]
+
+
 def test_closed_paths_that_are_saddles_are_found_without_a_search_for_least_ones():
     """The answer of a stiff spring to a small swift force: near -a cos(w t) / (w^2 - 1)."""
     spring = systems.spring(stiffening=1.0, push=lambda t: 0.01 * np.cos(7 * t))

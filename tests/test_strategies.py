@@ -25,7 +25,7 @@ from actionopt.solver.strategies import (
     TwoSidedShooting,
 )
 from actionopt.solver.workspace import Workspace
-from actionopt.tools.watch import Spent
+from actionopt.tools.watch import Spent, Watch
 
 
 def search_for(problem, tol=1e-8, principle="auto"):
@@ -36,6 +36,21 @@ def test_the_ladder_names_each_way_once():
     names = [strategy.name for strategy in STRATEGIES]
     assert len(set(names)) == len(names)
     assert {strategy.name for strategy in IPOPT} < set(names)
+
+
+def test_strategies_on_one_mesh_set_out_from_one_transcription(monkeypatch):
+    problem = ao.Problem(systems.pendulum(g=9.81), ao.Event(0.0, 0.3), ao.Event(1.0, 0.5))
+    search, made = search_for(problem), []
+    transcribe = Workspace.transcribe
+    monkeypatch.setattr(
+        Workspace, "transcribe", lambda ws, *given: made.append(1) or transcribe(ws, *given)
+    )
+    for degree, known, count in ((6, None, 1), (8, None, 2), (6, None, 2), (6, "path", 3)):
+        search._begin_on(4, degree, search.ws.here.path if known else None)
+        assert len(made) == count and search.ws.here.mesh.degrees == (degree,) * 4
+    search.ws.watch = Watch(None, None)
+    search._begin_on(4, 8, None)
+    assert len(made) == 3 and search.ws.here.tr.watch is search.ws.watch
 
 
 @pytest.mark.long

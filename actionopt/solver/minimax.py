@@ -3,8 +3,8 @@
 Where the action falls without bound as free ends run away, the least action between given ends is
 greatest somewhere: there p = dS/dq (Hamilton's principal function) vanishes at the ends. Each step
 is Newton's for the path, and for the ends e Newton's with the signs of the eigenvalues of S_ee
-turned to negative ones, uphill. With a spring on each end, P = H + k E E', all is had from solutions
-with P, which is positive definite where the action between the ends is convex:
+turned to negative ones, uphill. With a spring on each end, P = H + k E E', all is had from
+solutions with P, which is positive definite where the action between the ends is convex:
 
     (P^-1)_ee = (S_ee + k)^-1.
 """
@@ -32,7 +32,7 @@ def free_ends(tr: Transcription) -> NDInt:
 
 def climb(tr: Transcription, z: Array) -> tuple[Array | None, int]:
     """Return a point (size,) near such a saddle, or None, and the factorizations used."""
-    ends, last = free_ends(tr), np.inf
+    ends, last = free_ends(tr), 0.0
     columns = np.zeros((ends.size, tr.layout.size))
     columns[np.arange(ends.size), ends] = 1.0
     springs = diagonal(tr.layout, columns.sum(axis=0))

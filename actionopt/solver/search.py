@@ -380,9 +380,7 @@ class Search:
             ws.here.tr.watch = ws.watch
             return
         mesh = self.uniform(elements, degree)
-        ws.transcribe(
-            mesh, known or (self._curved_line(mesh) if self.curved else self._step(mesh))
-        )
+        ws.transcribe(mesh, known or (self._curved_line(mesh) if self.curved else self._step(mesh)))
         if known is None and not self._large:
             self.lines[key] = ws.here
 

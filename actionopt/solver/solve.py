@@ -52,9 +52,9 @@ def solve(
         What to ask of the action.
     method : {"auto", "ipopt"}
         Which ways lead to a first path: "auto" tries our own (Newton's method, Levenberg and
-        Marquardt's, a descent, a homotopy, motions that meet) and Ipopt, each where it is best;
-        "ipopt" asks Ipopt alone, between given events also where others are to be found. It is
-        followed from mesh to mesh by Newton's method.
+        Marquardt's, a descent, an ascent in free ends, a homotopy, motions that meet) and Ipopt,
+        each where it is best; "ipopt" asks Ipopt alone, between given events also where others
+        are to be found. It is followed from mesh to mesh by Newton's method.
     mesh : Mesh, optional
         Solve on this mesh and do not refine. It is stretched over times that are to be found, and
         cut where contact with an obstacle begins and ends.
