@@ -10,6 +10,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.newton import keep_factors
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
@@ -28,6 +29,8 @@ def solution_of(ws: Workspace, status: Status, found_by: str, started: float) ->
         if status.success and not np.isfinite(action):
             status = Status.UNRESOLVED
         found.tr.forget()  # many solutions may be kept
+        if here.factors is not None and status.success and not ws.linear:
+            keep_factors(found.tr, found.z, here.factors, here.since)
     record.time["total"] = perf_counter() - started
     stats: dict[str, Any] = {
         "rung": found_by,
