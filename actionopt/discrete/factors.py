@@ -90,6 +90,8 @@ class Factors:
         self._accurate = False  # whether a solution was accurate before it was refined
         self._definite: Callable[[Array], Array] | None = None  # what solves, if that was asked
         self._near: Callable[[Array], Array] | None = None  # what solves with a matrix near this
+        if layout.small and not many:  # nothing is quicker
+            self._direct = None
         # The events of a closed path do not tell how large each coordinate is: its matrix is
         # scaled, and this keeps by what its rows and columns are.
         self._even = _equilibrate(layout, nonzeros, many) if layout.closed else None

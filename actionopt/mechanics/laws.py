@@ -161,6 +161,8 @@ class Laws:
             any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
         )
         L, f, Q = self.lagrangian_tape, self.operations(self.f), self.operations(self.Q)
+        for tape in (L, f, Q):
+            refuse_lost_derivatives(tape)
         narrow = narrowness(L)
         jumpless = narrow == 0 or (narrow == 1 and is_jumpless(L))
         jumpless &= ca.OP_CALL not in L.operations  # a table ends with a step
@@ -205,9 +207,7 @@ class Laws:
         """Return the operations of an expression of (q, v, t) and the parameters."""
         if not law.numel():
             return NO_OPERATIONS
-        made = Tape(self._arguments, [law])
-        refuse_lost_derivatives(made)
-        return made
+        return Tape(self._arguments, [law])
 
     @Once
     def fill_ratio(self) -> float:

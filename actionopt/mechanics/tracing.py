@@ -369,8 +369,31 @@ def _function_of_numbers(error: TypeError) -> str:
 def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
     """Return a user's result, one expression or a sequence of them, as an SX column.
 
-    Raises ValueError if it is no expression, or its length is not `rows`.
+    Raises ValueError if it is no expression, contains NaN, or its length is not `rows`.
     """
+    value = _in_column(result, role)
+    # Not by its text, whose printing ends the process where thousands of operations are nested.
+    f = ca.Function("nan", [], [value], {"allow_free": True})
+    codes = map(f.instruction_id, range(f.n_instructions()))
+    at = [k for k, code in enumerate(codes) if code == ca.OP_CONST]
+    refuse_nan([f.instruction_constant(k) for k in at], role)
+    if rows is not None and value.numel() != rows:
+        what = "a scalar" if rows == 1 else f"{rows} values"
+        raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
+    return value
+
+
+def refuse_nan(constants: Sequence[float], role: str) -> None:
+    """Raise ValueError if one of the numbers in an expression is NaN."""
+    if any([x != x for x in constants]):
+        raise ValueError(
+            f"the {role} contains NaN: a function of the math module, or float(), cannot see a "
+            "symbol and gives NaN for it; use numpy or casadi functions"
+        )
+
+
+def _in_column(result: Any, role: str) -> ca.SX:
+    """Return it without a look at what it contains."""
     try:
         if isinstance(result, (list, tuple)):
             value = ca.vertcat(*[ca.vec(_sx(item)) for item in result]) if result else ca.SX(0, 1)
@@ -381,17 +404,7 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
         raise ValueError(
             f"expected the {role} to return numbers or expressions, found {type(result).__name__}"
         ) from error
-    if not value.is_dense():
-        value = ca.densify(value)
-    if _has_nan(value):
-        raise ValueError(
-            f"the {role} contains NaN: a function of the math module, or float(), cannot see a "
-            "symbol and gives NaN for it; use numpy or casadi functions"
-        )
-    if rows is not None and value.numel() != rows:
-        what = "a scalar" if rows == 1 else f"{rows} values"
-        raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
-    return value
+    return value if value.is_dense() else ca.densify(value)
 
 
 def surface(result: Any, role: str) -> ca.SX:
@@ -417,7 +430,8 @@ def _sx(item: Any) -> ca.SX:
 def scalar(result: Any, role: str) -> ca.SX:
     """Return a user's result, one expression without axes, as SX of shape (1, 1).
 
-    Raises ValueError if it is no expression, or a list or an array of them, be it of one.
+    It may contain NaN. Raises ValueError if it is no expression, or a list or an array of them, be
+    it of one.
     """
     in_list = isinstance(result, (list, tuple))
     # CasADi's own scalars are matrices of one entry.
@@ -428,7 +442,7 @@ def scalar(result: Any, role: str) -> ca.SX:
             f"expected the {role} to return a scalar, found {count} in {what}; return one "
             "expression, such as v @ v / 2 or v[0] ** 2 / 2"
         )
-    return column(result, role, 1)
+    return _in_column(result, role)
 
 
 @contextmanager
@@ -444,11 +458,3 @@ def deriving(what: str) -> Iterator[None]:
             "or the option enable_fd, or make a table of its values smooth by "
             'casadi.interpolant("V", "bspline", [x], values)'
         ) from error
-
-
-def _has_nan(expression: ca.SX) -> bool:
-    # Not by its text, whose printing ends the process where thousands of operations are nested.
-    f = ca.Function("nan", [], [expression], {"allow_free": True})
-    codes = map(f.instruction_id, range(f.n_instructions()))
-    at = [k for k, code in enumerate(codes) if code == ca.OP_CONST]
-    return any(math.isnan(f.instruction_constant(k)) for k in at)

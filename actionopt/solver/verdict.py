@@ -29,7 +29,8 @@ def solution_of(ws: Workspace, status: Status, found_by: str, started: float) ->
         if status.success and not np.isfinite(action):
             status = Status.UNRESOLVED
         found.tr.forget()  # many solutions may be kept
-        if here.factors is not None and status.success and not ws.linear:
+        plain = not (ws.linear or problem.system.r)
+        if plain and status.success and here.factors is not None:
             keep_factors(found.tr, found.z, here.factors, here.since)
     record.time["total"] = perf_counter() - started
     stats: dict[str, Any] = {

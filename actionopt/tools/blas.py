@@ -97,14 +97,14 @@ def cholesky(matrix: Array) -> Callable[[Array], Array]:
         return lambda right: np.linalg.solve(matrix, right)
     assert library is not None
     factor = np.array(matrix, dtype=float, order="C")  # its rows, as columns, are the same
-    n, one, info, a = _number(len(factor)), _number(1), _number(0), _place(factor)
+    n, info, a = _constant(len(factor)), _number(0), _place(factor)
     library.scipy_dpotrf_64_(b"L", n, a, n, info, 1)
     if info._obj.value:
         raise np.linalg.LinAlgError("the matrix is not positive definite")
 
     def solve(right: Array) -> Array:
         x = np.array(right, dtype=float)
-        library.scipy_dpotrs_64_(b"L", n, one, a, n, _place(x), n, info, 1)
+        library.scipy_dpotrs_64_(b"L", n, _constant(1), a, n, _place(x), n, info, 1)
         return x
 
     return solve
@@ -122,14 +122,14 @@ def lu(matrix: Array) -> Callable[[Array], Array]:
         return lambda right: np.linalg.solve(matrix, right)
     assert library is not None
     factor, pivots = np.array(matrix.T, dtype=float, order="C"), np.empty(len(matrix), np.int64)
-    n, one, info, a, p = *map(_number, (len(factor), 1, 0)), *map(_place, (factor, pivots))
+    n, info, a, p = _constant(len(factor)), _number(0), _place(factor), _place(pivots)
     library.scipy_dgetrf_64_(n, n, a, n, p, info)
     if info._obj.value:
         raise np.linalg.LinAlgError("the matrix is singular")
 
     def solve(right: Array) -> Array:
         x = np.array(right.T, dtype=float, order="C")
-        columns = one if x.ndim == 1 else _number(len(x))
+        columns = _constant(1 if x.ndim == 1 else len(x))
         library.scipy_dgetrs_64_(b"N", n, columns, a, n, p, _place(x), n, info, 1)
         return x.T
 
@@ -139,6 +139,9 @@ def lu(matrix: Array) -> Callable[[Array], Array]:
 def _number(number: int) -> Any:
     """Return where an integer stands, as LAPACK reads all arguments."""
     return ctypes.byref(ctypes.c_int64(number))
+
+
+_constant = cache(_number)  # of what LAPACK does not write
 
 
 def _place(array: Array) -> Any:
