@@ -100,9 +100,9 @@ def second_variation(
         return _on_full_forms(solution, count, given)
     at = solution.discrete
     for _ in range(FIELD_ROUNDS):
-        values, eta, mesh, units, shifts = _on_mesh(at, solution.error, count, given, found)
-        scaled = eta / units[:, None]
-        scaled /= np.abs(scaled).max(axis=(0, 1), initial=0.0)
+        values, eta, mesh, used, shifts = _on_mesh(at, solution.error, count, given, found)
+        scaled = eta / used[:, None]
+        scaled = scaled / np.abs(scaled).max(axis=(0, 1), initial=0.0)
         tail = tails(mesh, [scaled[g.nodes].reshape(*g.nodes.shape, -1) for g in mesh.groups])
         if 0 < len(values) < count:
             tail[:] = 1.0
@@ -117,7 +117,7 @@ def second_variation(
             "coordinates; give `units=`, of the size of each"
         )
     modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
-    return SecondVariation(values, modes, found, units)
+    return SecondVariation(values, modes, found, used)
 
 
 def _on_mesh(
