@@ -110,6 +110,31 @@ def test_an_opti_goes_round_an_obstacle():
     assert program.solve().value(program.f) == pytest.approx(way.action, rel=1e-6)
 
 
+@pytest.mark.long
+def test_an_opti_goes_through_events_and_keeps_integrals():
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], integral=lambda q, v, t: q[1])
+    ends = ao.Event(0.0, [0.0, 1.0]), ao.Event(1.0, [2.0, 1.0])
+    way = ao.Problem(free, *ends, through=[ao.Event(0.5, [None, 0.0])])  # two straight lines
+    area = ao.Problem(free, *ends, integral=0.5)  # y = 1 - 3 t (1 - t)
+    for problem, exact in ((way, 4.0), (area, 3.5)):
+        held = ao.solve(problem)
+        program, Q = held.opti()
+        program.solver("ipopt", QUIET)
+        answer = program.solve()
+        assert held.action == pytest.approx(exact, rel=1e-12)
+        assert answer.value(program.f) == pytest.approx(exact, rel=1e-8)
+        assert np.allclose(answer.value(Q), held.path.values, atol=1e-7)
+
+
+def test_what_an_opti_does_not_hold_is_refused():
+    damped = ao.System(lambda q, v, t: v @ v / 2, ["x"], force=lambda q, v, t: -v)
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x"])
+    start, far = ao.Event(0.0, [0.0]), ao.Event(1.0, None, on=lambda q, t: q[0] - 1)
+    for system, end, word in ((damped, ao.Event(1.0, [1.0]), "forces"), (free, far, "surface")):
+        with pytest.raises(ValueError, match=word):
+            ao.solve(ao.Problem(system, start, end)).opti()
+
+
 def test_what_is_no_sum_over_nodes_is_refused():
     closed = ao.Problem(KEPLER, ao.Event(0.0, [1.0, None]), ao.Periodic(2 * np.pi))
     loop = ao.solve(closed, guess=lambda t: np.stack([np.cos(t), np.sin(t)]), throw=False)

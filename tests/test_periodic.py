@@ -573,6 +573,13 @@ def test_multipliers_need_independent_coordinates_and_no_places_on_the_way():
         ao.monodromy(s)
 
 
+def test_multipliers_need_finite_times():
+    well = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2, ["x"])
+    ends = ao.Event(-np.inf, [-1.0]), ao.Event(np.inf, [1.0])
+    with pytest.raises(ValueError, match="between finite times"):
+        ao.monodromy(ao.solve(ao.Problem(well, *ends)))
+
+
 def test_paths_that_close_on_a_clock_are_all_motions():
     problem = ao.Problem(
         driven(stiff=1.0, cubic=1.0, drive=0.3), ao.Event(0.0, [None]), ao.Periodic(2 * np.pi / 1.5)

@@ -14,20 +14,17 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.functions import ParameterInputs
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
 
 def action_function(problem: Problem, tr: Transcription) -> ca.Function:
     """Return S, its gradient and its Hessian as `Solution.action_function` says."""
     _check(problem)
-    system, s = problem.system, problem.system.symbols
+    system = problem.system
     given = ParameterInputs.of(system.table, problem.parameters, ["Q", "S", "gradient", "hessian"])
     Q = ca.MX.sym("Q", system.n, tr.layout.node_count)
-    at, rates = _samples(tr)
-    q, v = Q @ at, Q @ rates
-    law = ca.Function("law", [s.q, s.v, s.t, s.p], [system.L])
-    values = law.map(tr.times.size)(q, v, tr.times.T, given.packed)
-    S = values @ ca.DM(tr.weight)
+    S = _integral(system, system.L, tr, Q, given.packed)
     hessian, gradient = ca.hessian(S, Q)
     return ca.Function(
         "action",
@@ -41,19 +38,24 @@ def action_function(problem: Problem, tr: Transcription) -> ca.Function:
 
 def opti(problem: Problem, path: Path, tr: Transcription) -> tuple[ca.Opti, ca.MX]:
     """Return the program that asks for a path of least action, as `Solution.opti` says."""
-    system, s, mesh = problem.system, problem.system.symbols, path.mesh
-    S = action_function(problem, tr)
-    program = ca.Opti()
+    _check(problem)
+    _check_program(problem)
+    system, mesh, program = problem.plain or problem.system, path.mesh, ca.Opti()
+    s, known = system.symbols, {name: problem.parameters[name] for name in system.table.shapes}
+    packed = ca.DM(system.table.pack(known)).T
     Q = program.variable(system.n, mesh.nodes.size)
-    program.minimize(S(Q, *[problem.parameters[name] for name in system.table.shapes])[0])
-    ends = (problem.start, 0), (problem.end, mesh.nodes.size - 1)
-    for event, k in ends:
+    program.minimize(_integral(system, system.L, tr, Q, packed))
+    events = problem.start, *problem.through, problem.end
+    for event, k in zip(events, tr.joints, strict=True):
         for i in event.pinned:
             program.subject_to(Q[i, k] == event.q[i])
+    if problem.integral is not None:
+        values = ca.DM(np.array(problem.integral))
+        program.subject_to(_integral(system, system.g, tr, Q, packed) == values)
     rows = ca.Function("rows", [s.q, s.t, s.p], [system.f, system.outside])
-    given = {k for event, k in ends if len(event.pinned) == system.n}
+    given = {k for event, k in zip(events, tr.joints, strict=True) if len(event.pinned) == system.n}
     for k in range(mesh.nodes.size) if system.m or system.r else ():
-        f, outside = rows(Q[:, k], mesh.nodes[k], problem.packed.T)
+        f, outside = rows(Q[:, k], mesh.nodes[k], packed)
         if system.m and k not in given:
             program.subject_to(f == 0)
         if system.r and k not in given:
@@ -70,6 +72,30 @@ def _check(problem: Problem) -> None:
             "action is a sum over its nodes, found one that closes, has an end at infinity or "
             "several systems; it is not written so"
         )
+
+
+def _check_program(problem: Problem) -> None:
+    """Raise ValueError where the path is not one of least action between events on its mesh."""
+    asked = problem.original
+    if problem.system.structure.forced:
+        raise ValueError(
+            "expected a system without non-conservative forces, found one that has some: their "
+            "work is no part of an action that could be least; give the equations of motion to "
+            "an Opti, by `system.dynamics_function()`"
+        )
+    if any(e.t is None or e.on is not None for e in (asked.start, *asked.through, asked.end)):
+        raise ValueError(
+            "expected events at given times and places, found one that gives none, or a surface: "
+            "the mesh of the path stands at times that were found; `solution.action_function()` "
+            "is the action there"
+        )
+
+
+def _integral(system: System, law: ca.SX, tr: Transcription, Q: ca.MX, p: ca.MX | ca.DM) -> ca.MX:
+    """Return the integral of expressions (c, 1) along the path, (c, 1)."""
+    s, (at, rates) = system.symbols, _samples(tr)
+    function = ca.Function("law", [s.q, s.v, s.t, s.p], [law])
+    return function.map(tr.times.size)(Q @ at, Q @ rates, tr.times.T, p) @ ca.DM(tr.weight)
 
 
 def _samples(tr: Transcription) -> tuple[ca.DM, ca.DM]:

@@ -91,8 +91,8 @@ def second_variation(
     whole = isinstance(count, (int, np.integer)) and count >= 1
     if not whole or not are_units(asked, n):
         raise ValueError(
-            f"expected a whole count >= 1 and positive units, one or {n}, found count = {count!r}, "
-            f"units = {units!r}"
+            f"expected a whole count >= 1 and positive units, one{f' or {n}' * (n > 1)}, found "
+            f"count = {count!r}, units = {units!r}"
         )
     given = np.broadcast_to(asked, (n,))
     found = solution.inertia

@@ -112,8 +112,9 @@ def monodromy(solution: Solution) -> Monodromy:
     Raises
     ------
     ValueError
-        For a system under constraints, whose (q, p) are not independent, or with non-conservative
-        forces; for a path through a singularity, or one that touches an obstacle.
+        For a system under constraints, whose (q, p) are not independent, with non-conservative
+        forces or accelerations; for a path through a singularity, between infinite times, or one
+        that touches an obstacle.
 
     References
     ----------
@@ -131,6 +132,12 @@ def monodromy(solution: Solution) -> Monodromy:
             "expected a path that touches no obstacle, found one that does: its neighbours are "
             "carried along it by other forces; give the free parts, each as a problem of its own"
         )
+    if problem.has_tails:
+        raise ValueError(
+            "expected a path between finite times, found one that is at rest at an infinite one: "
+            "its neighbours leave that exponentially, and no matrix carries them all the way; "
+            "solve a part of it, between two of its times"
+        )
     if problem.through and system.order > 1:
         raise ValueError(
             "expected a path without events between its ends, or a Lagrangian without "
@@ -138,7 +145,7 @@ def monodromy(solution: Solution) -> Monodromy:
         )
     if problem.through:
         return _through(solution)
-    check_whole(problem, "the motion of neighbours")
+    check_whole(problem, "a matrix that carries (q, p) of neighbours")
     start = Event(problem.start.t, None)
     end = Event(problem.end.t, None) if problem.advance is None else problem.end.at(problem.end.t)
     free = Problem(system, start, end, parameters=problem.parameters)

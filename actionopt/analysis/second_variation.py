@@ -185,9 +185,9 @@ def _check_action(problem: Problem, *, through: bool) -> None:
             "or index"
         )
     if through and all(e.t is not None and e.on is None for e in problem.original.through):
-        check_free(problem, "the second variation")
+        check_free(problem, "the second variation of given curves")
     else:
-        check_whole(problem, "the second variation")
+        check_whole(problem, "the second variation of given curves")
     if problem.touches:
         raise ValueError(
             "expected a path that touches no obstacle, found one that does: its second variation "

@@ -669,9 +669,11 @@ class Solution:
         parameter each, by order or by name, the default of one number being that of the problem. It
         returns `S`, `gradient` (n, K), and `hessian` (n K, n K), sparse, node by node. The work of
         non-conservative forces is not in it, nor are constraints; at a path without these the
-        gradient vanishes at all nodes between the ends, and is minus and plus the momenta there.
+        gradient is minus and plus the momenta at the ends and vanishes at all nodes between, but
+        where an event gives coordinates: there it is what p jumps by. Where integrals are given, S
+        is that of L + kappa.g, whose path is stationary.
 
-        Raises ValueError for closed paths, ends at infinity and several laws.
+        Raises ValueError for closed paths, ends at infinity, several laws and accelerations.
         """
         from actionopt.analysis.action_function import action_function
 
@@ -681,11 +683,12 @@ class Solution:
     def opti(self) -> tuple[ca.Opti, ca.MX]:
         """Return a CasADi `Opti` that asks for the path of least action, and its variable Q (n, K).
 
-        It holds the discrete action on the mesh of this path, what the events give, constraints
-        and obstacles at the nodes, and the path as the first guess; add to it what you like, choose
-        a solver, and solve. Q are the coordinates at `mesh.nodes`.
+        It holds the discrete action on the mesh of this path, what the events and the integrals
+        give, constraints and obstacles at the nodes, and the path as the first guess; add to it
+        what you like, choose a solver, and solve. Q are the coordinates at `mesh.nodes`.
 
-        Raises ValueError as `action_function` does.
+        Raises ValueError as `action_function` does, for non-conservative forces, and for events
+        whose time or place is to be found.
         """
         from actionopt.analysis.action_function import opti
 

@@ -14,8 +14,8 @@ class Status(Enum):
     )
     FLOOR = (
         "the path is stationary, but round-off, amplified by the problem's own sensitivity to its "
-        "end points, forbids the tolerance: the error estimate is the best that can be had; "
-        "loosen tol"
+        "end points, or a force that jumps on the way, as dry friction does, forbids the "
+        "tolerance: the error estimate says what was reached; loosen tol"
     )
     DEGENERATE = (
         "the end event is (numerically) conjugate to the start event, or the path is one of a "

@@ -190,7 +190,14 @@ def _print_runs(runs: Runs, time: float) -> None:
             else []
         ),
         ("branches", str(runs.branch.max(initial=-1) + 1)),
-        ("time", f"{seconds(time)}, {runs.stats['tasks']} tasks"),
+        ("time", f"{seconds(time)}, {_count(runs.stats['tasks'], 'task')}"),
     ]
-    print(f"{runs.problem.name}: {runs.grid.size} paths{', interrupted' * runs.interrupted}")
+    print(
+        f"{runs.problem.name}: {_count(runs.grid.size, 'path')}{', interrupted' * runs.interrupted}"
+    )
     print_table(rows)
+
+
+def _count(number: int, what: str) -> str:
+    """Return so many of them, in words."""
+    return f"{number} {what}{'s' * (number != 1)}"

@@ -34,7 +34,8 @@ class NumericLaws(Laws):
             raise ValueError(
                 "expected a Lagrangian of coordinates and velocities, found one that contains "
                 f"{'accelerations' if self.order == 2 else 'higher derivatives'}: {what} is not "
-                "known of it; see solution.momentum, energy, morse_index, sensitivity and compare"
+                "known of it; see solution.momentum, energy, morse_index, sensitivity and compare, "
+                "and `ao.second_variation`"
             )
 
     @property

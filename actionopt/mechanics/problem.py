@@ -87,7 +87,7 @@ class Problem:
         system. If events between the ends give nothing, are not as many as the laws of legs less
         one, or go with what is not known of them: an infinite time, a Bounce along an obstacle; a
         force where times or places are to be found. If the values of integrals are not as many as
-        the system has, or go with several laws or an infinite time.
+        the system has, or go with an infinite time.
     """
 
     system: System

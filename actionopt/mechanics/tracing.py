@@ -108,8 +108,9 @@ class ParameterTable:
             if name not in result:
                 known = [x for x in result if x not in (MULTIPLIERS, SWITCHES)]
                 raise ValueError(
-                    f"unknown parameter {name!r}; the parameters are "
-                    f"{', '.join(known) or 'none'}{suggestion(name, known)}"
+                    f"unknown parameter {name!r}; "
+                    + (f"the parameters are {', '.join(known)}" if known else "there are none")
+                    + suggestion(name, known)
                 )
             if value is result[name]:
                 continue  # the default, known to be good

@@ -91,7 +91,7 @@ def title(name: str) -> str:
 def _module(name: str):
     if not among(name, SCENES):
         raise ValueError(
-            f"unknown scene {name!r}{suggestion(str(name), SCENES)}; "
-            f"the scenes are {', '.join(SCENES)}"
+            f"unknown scene {name!r}; the scenes are {', '.join(SCENES)}"
+            f"{suggestion(str(name), SCENES)}"
         )
     return importlib.import_module(f"{__name__}.{name}")

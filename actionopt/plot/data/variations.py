@@ -269,7 +269,10 @@ def spectrum_data(solution: Solution, count: int = 3, points: int = 48) -> Spect
     problem, t0 = solution.problem, solution.problem.start.t
     check_whole(problem, "how the eigenvalues change with the end time")
     if len(problem.start.pinned) + len(problem.end.pinned) < 2 * problem.system.n:
-        raise ValueError("expected events that pin all coordinates, found a free one; try `slices`")
+        raise ValueError(
+            "expected events at finite times that give all coordinates, found one that does not; "
+            "try `slices`"
+        )
     units = sizes(solution)
     durations = np.linspace(SHORTEST_SPAN, 1.0, points) * problem.duration
     values, index = np.full((count, points), np.nan), np.zeros(points, dtype=int)
