@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis.conjugate import conjugate_points
+from actionopt.analysis.conjugate import Phases, conjugate_points
 from actionopt.analysis.full_form import _at
 
 TIME_TOLERANCE = 1e-8  # relative to the duration: what conjugate points are promised to
@@ -22,8 +22,13 @@ def free(q, v, t):
     return sum(x * x for x in v) / 2
 
 
-def test_many_phases_that_turn_together_are_told_apart():
-    """Phases that turn by what they are apart between nodes looked as if none had turned."""
+def test_many_phases_that_turn_together_are_told_apart(monkeypatch):
+    """Phases that turn by what they are apart between nodes looked as if none had turned.
+
+    And they are followed once: a root takes some phases more.
+    """
+    asked, phases = [], Phases.__call__
+    monkeypatch.setattr(Phases, "__call__", lambda self, t: asked.append(t.size) or phases(self, t))
     n, T = 12, 5.0
     K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     springs = ao.System(lambda q, v, t: v @ v / 2 - q @ (K @ q) / 2, [f"q{i}" for i in range(n)])
@@ -31,6 +36,20 @@ def test_many_phases_that_turn_together_are_told_apart():
     speeds = 2 * np.sin(np.arange(1, n + 1) * np.pi / (2 * n + 2))
     exact = np.sort([k * np.pi / w for w in speeds for k in range(1, 9) if k * np.pi / w < T])
     np.testing.assert_allclose(times_of(ao.solve(problem)), exact, atol=TIME_TOLERANCE * T)
+    assert sum(asked) < 8 * exact.size
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("free", [False, True])
+def test_swift_and_slow_turns_of_one_path(free):
+    """A phase that rests and turns by pi all at once, between two times, looks as if it had not."""
+    w, T = np.array([0.5, 200.0]), 3.0
+    springs = ao.System(lambda q, v, t: (v @ v - (w * q) @ (w * q)) / 2, ["x", "y"])
+    start, end = ao.Event(0.0, [None if free else 0.0, 0.0]), ao.Event(T, [0.0, 0.0])
+    turns = np.arange(1, 200)
+    exact = np.sort(np.concatenate([(turns - free / 2) * np.pi / w[0], turns * np.pi / w[1]]))
+    found = times_of(ao.solve(ao.Problem(springs, start, end)))
+    np.testing.assert_allclose(found, exact[exact < T], atol=TIME_TOLERANCE * T)
 
 
 def test_a_path_without_neighbours_has_no_conjugate_points():

@@ -13,10 +13,17 @@ from functools import cached_property
 import numpy as np
 
 from actionopt.analysis.jacobi import FIELD_ROUNDS, coefficients_left_out, refine_where, tails
-from actionopt.analysis.second_variation import check_independent, couples_at_rest, normals
+from actionopt.analysis.second_variation import (
+    check_independent,
+    couples_at_rest,
+    curvature,
+    normals,
+    tangent,
+)
 from actionopt.discrete.blocks import Condensed, in_parts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import SparseFactors, diagonal, solve_part
+from actionopt.discrete.mesh import Group
 from actionopt.mechanics.scales import diagonal as diagonal_of
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
@@ -41,6 +48,13 @@ class AssembledForm:
 
     at: DiscretePath
     matrix: Array
+
+    singular = ()  # evaluations at which L_vv vanishes: `is_convex` refuses any
+
+    @property
+    def units(self) -> Array:
+        """The sizes of the coordinates, (n,): units of Jacobi fields."""
+        return self.at.tr.lengths
 
     @cached_property
     def factors(self) -> Condensed | SparseFactors:
@@ -73,19 +87,95 @@ class AssembledForm:
             t = tr.mesh.boundaries[:, None]
             G = normals(tr.problem, at.Q[layout.offsets], t) * tr.lengths
             ends -= np.linalg.pinv(G) @ (G @ ends)
-        if layout.storage == "blocks":
-            assert isinstance(self.factors, Condensed)
-            given = np.zeros((len(ends), layout.blocks.width, RANDOM_FIELDS))
-            given[:, :n] = ends
-            at_ends = [
-                np.stack([given[g.elements], given[g.elements + 1]], 1) for g in layout.groups
-            ]
-            fields = [x[:, :, :n] for x in self.factors.between(at_ends)]
-        else:
-            whole = self._fill_elements(ends * tr.lengths[:, None]) / tr.lengths[:, None]
-            fields = [whole[g.nodes] for g in layout.groups]
-        tables = [x.reshape(*x.shape[:2], -1) for x in fields]
+        tables = [x.reshape(*x.shape[:2], -1) for x in self._between(ends)]
         return [x / np.abs(x).max(axis=(1, 2), keepdims=True) for x in tables]
+
+    def _between(self, ends: Array) -> list[Array]:
+        """Return solutions of the linearised equations on each element, (E, d + 1, n, c).
+
+        They are `ends` (N + 1, n, c) where elements meet, all in the sizes of the coordinates.
+        """
+        tr, layout, n = self.at.tr, self.at.tr.layout, ends.shape[1]
+        if layout.storage == "sparse":
+            whole = self._fill_elements(ends * tr.lengths[:, None]) / tr.lengths[:, None]
+            return [whole[g.nodes] for g in layout.groups]
+        assert isinstance(self.factors, Condensed)
+        given = np.zeros((len(ends), layout.blocks.width, ends.shape[2]))
+        given[:, :n] = ends
+        at_ends = [np.stack([given[g.elements], given[g.elements + 1]], 1) for g in layout.groups]
+        return [x[:, :, :n] for x in self.factors.between(at_ends)]
+
+    @cached_property
+    def frequency(self) -> float:
+        """How fast variations may turn, on the whole: as `Form.frequency`."""
+        second = self.at.problem.system.pointwise("second")
+        mass = np.abs(diagonal_of(self.at.problem.system, 2, self.second[2]))
+        mixed = second.sparsity(1), self.second[1]
+        springs, coupling = (
+            sum((values**2 / (mass[:, row] * mass[:, col])).sum() for (row, col), values in entries)
+            for entries in (self._springs, [mixed])
+        )
+        rate = (springs / mass.size) ** 0.25 + np.sqrt(coupling / mass.size)
+        return float(1 / self.at.problem.duration + rate)
+
+    def jacobi_fields(self) -> list[Array]:
+        """Return the Jacobi fields that vanish at the start, on each element (d + 1, n, r).
+
+        In the sizes of the coordinates. From one element to the next they are recombined, as those
+        of `jacobi.fields` are.
+        """
+        at, tr, layout, problem = self.at, self.at.tr, self.at.tr.layout, self.at.problem
+        Q, t, lengths = at.Q[layout.offsets], tr.mesh.boundaries[:, None], tr.lengths
+        Z = tangent(problem, Q, t, lengths)
+        bend = np.zeros((len(Q), Z.shape[1], Z.shape[1]))
+        if layout.rows:
+            bend = curvature(problem, Q, at.lam[layout.offsets], t) * (lengths[:, None] * lengths)
+        # Columns in turn for every other boundary, so that an element's ends move one by one.
+        r = Z.shape[2]
+        ends = np.zeros((*Z.shape[:2], 2 * r))
+        ends[0::2, :, :r], ends[1::2, :, r:] = Z[0::2], Z[1::2]
+        found: list[Array] = [np.empty(0)] * tr.mesh.elements
+        stiffness: list[Array] = found.copy()
+        for g, eta in zip(layout.groups, self._between(ends), strict=True):
+            forces = self._end_forces(g, eta)
+            for k, e in enumerate(g.elements.tolist()):
+                weight = tr.half[e] * g.rule.weights[[0, -1], None, None]
+                force = forces[k] + weight * (bend[e : e + 2] @ eta[k, [0, -1]])
+                found[e] = eta[k]
+                stiffness[e] = Z[e : e + 2].swapaxes(1, 2) @ force
+        mass = np.abs(diagonal_of(problem.system, 2, self.second[2]) * lengths**2).mean()
+        unit = float(mass) * self.frequency  # as `Form.momentum_unit`
+        a, p = np.zeros((r, r)), np.eye(r)
+        left, right = slice(None, r), slice(r, None)
+        for e, (first, last) in enumerate(stiffness):
+            later = np.linalg.solve(first[:, right], -first[:, left] @ a - unit * p)
+            momentum = (last[:, left] @ a + last[:, right] @ later) / unit
+            found[e] = found[e][:, :, left] @ a + found[e][:, :, right] @ later
+            frame, _ = np.linalg.qr(np.concatenate([later, momentum]))
+            a, p = frame[:r], frame[r:]
+            left, right = right, left
+        return found
+
+    def _end_forces(self, g: Group, eta: Array) -> Array:
+        """Return the change of dS/dq at both ends of the elements of a group alone, (E, 2, n, c).
+
+        With variations eta (E, d + 1, n, c), both in the sizes of the coordinates, but for that by
+        how constraints bend.
+        """
+        tr, second = self.at.tr, self.at.problem.system.pointwise("second")
+        (E, k, n, c), ends = eta.shape, [0, -1]
+        found, scale = np.empty((E, 2, n, c)), tr.lengths[:, None] * tr.lengths
+        for e, own in enumerate(eta):
+            some = slice(g.span.start + e * k, g.span.start + (e + 1) * k)
+            A, B, C = (
+                second.full(i, x[some], symmetric=i != 1) * scale for i, x in enumerate(self.second)
+            )
+            half = tr.half[g.elements[e]]
+            rate = np.tensordot(g.rule.derivative, own, 1) / half
+            p = C @ rate + B.swapaxes(1, 2) @ own
+            force = half * g.rule.weights[ends, None, None] * (A @ own + B @ rate)[ends]
+            found[e] = force + np.tensordot(g.rule.weighted_derivative.T[ends], p, 1)
+        return found
 
     def _fill_elements(self, ends: Array) -> Array:
         """Return variations (K, n, c) that are `ends` (N + 1, n, c) where elements meet."""
@@ -98,10 +188,12 @@ class AssembledForm:
         keep = inside[np.concatenate([layout.free // n, layout.row_node])]
         if not keep.any():
             return eta
-        found = solve_part(layout, self.matrix, keep, -self.loads(self.forces(eta))[keep])
         own = keep[:unknowns]
-        places = np.divmod(layout.free[own], n)
-        eta[places] = found[: int(own.sum())] * tr.x_unit[own, None]
+        node, place = np.divmod(layout.free[own], n)
+        for some in in_parts(ends.shape[2], layout.size):
+            load = -self.loads(self.forces(eta[:, :, some]))[keep]
+            found = solve_part(layout, self.matrix, keep, load)[: int(own.sum())]
+            eta[node, place, some] = found * tr.x_unit[own, None]
         return eta
 
     def loads(self, forces: Array) -> Array:
@@ -141,20 +233,27 @@ class AssembledForm:
             found[:, :, c] = summed.reshape(eta.shape[:2])
         return found
 
-    def bound(self, units: Array) -> float:
-        """Return what no eigenvalue is less than, in the norm int |eta / units|^2 dt; units (n,).
-
-        It may be more where velocities couple to coordinates: by how much, roughly, is taken off.
-        """
+    @property
+    def _springs(self) -> list[tuple[tuple[NDInt, NDInt], Array]]:
+        """Rows and columns of nonzeros at the evaluations, and these: of L_qq and how rows bend."""
         at, tr, system = self.at, self.at.tr, self.at.problem.system
-        second, (A, B, C) = system.pointwise("second"), self.second
-        masses, springs = [(second.sparsity(2), C)], [(second.sparsity(0), A)]
+        springs = [(system.pointwise("second").sparsity(0), self.second[0])]
         if tr.layout.rows and not system.structure.affine_constraint:
             bend, places = system.pointwise("constraint_curvature"), tr.layout.node_of
             lam = np.nan_to_num(at.lam[places])
             values = bend(at.Q[places], lam, tr.times, at.problem.packed)[0]
             springs.append((bend.sparsity(0), values))
-        stiffness, mass = (_gershgorin(x, units) for x in (springs, masses))
+        return springs
+
+    def bound(self, units: Array) -> float:
+        """Return what no eigenvalue is less than, in the norm int |eta / units|^2 dt; units (n,).
+
+        It may be more where velocities couple to coordinates: by how much, roughly, is taken off.
+        """
+        tr, system = self.at.tr, self.at.problem.system
+        second, (_, B, C) = system.pointwise("second"), self.second
+        masses = [(second.sparsity(2), C)]
+        stiffness, mass = (_gershgorin(x, units) for x in (self._springs, masses))
         if B.any():
             (row, col), sums = second.sparsity(1), np.zeros((2, units.size, len(B)))
             for found, i in zip(sums, (row, col), strict=True):
@@ -162,7 +261,7 @@ class AssembledForm:
             own = np.equal(*second.sparsity(2))
             least = (C[:, own] * units**2).min()
             return stiffness - float(sums[0].max() * sums[1].max() / least)
-        pinned = [len(event.pinned) for event in (at.problem.start, at.problem.end)]
+        pinned = [len(event.pinned) for event in (tr.problem.start, tr.problem.end)]
         slowest = np.pi / tr.problem.duration / (1 if min(pinned) == system.n else 2)
         # A hundredth is left: the bound would be an eigenvalue where L_qq and L_vv are constant.
         return stiffness + 0.99 * slowest**2 * max(mass, 0.0)
@@ -223,9 +322,12 @@ class Coupling:
         return found
 
 
-def assemble(first: DiscretePath, error: float, fields: float) -> AssembledForm | None:
+def assemble(
+    first: DiscretePath, error: float, fields: float, *, polish: bool = False
+) -> AssembledForm | None:
     """Return d2S of a path known to `error`, on a mesh that resolves its Jacobi fields to `fields`.
 
+    And the path with `polish`, which Newton's method improves there.
     None where the variations are not simply those between two events, L_vv may not be positive, or
     a part of the path is conjugate. Raises ValueError where the constraints are not independent, or
     along a path through a singularity.
@@ -246,7 +348,14 @@ def assemble(first: DiscretePath, error: float, fields: float) -> AssembledForm 
         if not np.isfinite(tail).all():
             return None
         tail = np.maximum(tail, FIELDS_TO_COEFFICIENTS * coefficients_left_out(at))
+        if polish:
+            tail = np.maximum(
+                tail, tails(tr.mesh, [at.Q[g.nodes] / tr.lengths for g in tr.mesh.groups])
+            )
         mesh = refine_where(tr.mesh, tail, fields)
+        if mesh is None and polish:
+            at = at.polish()
+            form = AssembledForm(at, at.tr.kkt(at.z))
         if mesh is None:
             return form
         at = first.on(mesh, first.multipliers(mesh.nodes))

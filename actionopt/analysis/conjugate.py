@@ -4,8 +4,8 @@ The r Jacobi fields J(t) that vanish at the start and their momenta P(t) span a 
 The eigenvalues of the unitary matrix (P + iJ)(P - iJ)^-1 are exp(2 i theta_k), and J(t) is
 singular, with multiplicity m, exactly where m of the phases theta_k are multiples of pi. With L
 convex in the velocities a phase passes a multiple of pi only upwards: roots of even multiplicity
-are counted like any other, and none is missed once the phases are followed closely enough. For
-one coordinate theta is Pruefer's angle.
+are counted like any other. Sorted phases do not tell how many passed one another; their sum does,
+which turns by the integral of its rate. For one coordinate theta is Pruefer's angle.
 
 Where L contains accelerations, or integrals are given, they are the times at which the index of
 the part up to t grows: eigenvalues of d2S on variations that vanish from t on only fall with t.
@@ -17,35 +17,38 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
+from actionopt.analysis.assembled import AssembledForm, assemble
 from actionopt.analysis.full_form import FORM_ROUNDS, form_until
-from actionopt.analysis.index import NEAR_ZERO, tolerance_of
+from actionopt.analysis.index import NEAR_ZERO, POLISHED, tolerance_of
 from actionopt.analysis.jacobi import fields, resolve
 from actionopt.analysis.passage import begin, carry, count_pinned
-from actionopt.analysis.regular import regular_index
-from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
+from actionopt.analysis.regular import index_on_mesh, regular_index
+from actionopt.analysis.second_variation import Form, check_legendre, coefficient_entries, tangent
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
+from actionopt.discrete.blocks import in_parts
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.tools.blas import one_thread
-from actionopt.tools.lobatto import RESTING
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.lobatto import RESTING, lgl
+from actionopt.tools.types import EPS, Array, NDInt
 
-CONJUGATE_RESOLUTION = 1e-10  # of Jacobi fields and path; ad hoc, below `SAME_ROOT`
-# Phases that move by less between two times are surely matched: derived, they are known modulo pi,
-# and one that moved by more than pi / 2 may as well have moved the other way; half of that.
-MATCHED_PHASE = np.pi / 4
+CONJUGATE_RESOLUTION = 1e-9  # of Jacobi fields and path; ad hoc, below `SAME_ROOT`
+# How far the number of phases that passed pi may be from whole, of what surely tells it; the degree
+# whose integrals tell it, and the part of a part of the time that a rate is a difference over. The
+# angle that tangents are of, in no ratio to pi: where some phases are at a right angle to it they
+# lose digits. All ad hoc.
+SURE_COUNT, GAUSS_DEGREE, PHASE_STEP, TURNED = 0.1, 8, 1e-4, 1.0
 # Ad hoc, between round-off and the next root; in parts of the duration where it is a time.
-CLOSEST_TIMES = 1e-9  # no closer ones are compared
-BACKWARDS = 1e-6  # phases seem to pass a root backwards by rounding, and by no more
+COUNT_HALVINGS = 8  # of parts of the time, most
+AT_A_TIME = 10  # arrays of Jacobi fields that phases take at each time
+CLOSEST_TIMES = 1e-9  # no shorter parts of the time are halved
 SAME_ROOT = 1e-8  # roots this close are one, of higher multiplicity
 # How far times move that have settled; and under constraints, whose multipliers have fewer digits.
 SETTLED_TIMES, SETTLED_HELD = 1e-9, 1e-5
-# Phases from which they may be taken for one another, fewest: of 9 springs none were. And how often
-# the times between nodes are halved, most. Ad hoc.
-MANY_PHASES, PHASE_HALVINGS = 8, 8
-ILLINOIS_STEPS = 100  # never reached: superlinear, ten are many
+SETTLED_PHASE = 1e-6  # of which the square is left. Derived
+ZERO = 1e-14  # of an eigenvalue; ad hoc
+PASS_STEPS = 100  # never reached: superlinear, four are many
 
 
 class ConjugatePoint(NamedTuple):
@@ -88,14 +91,21 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     at, error = solution.discrete, solution.error
     whole = len(at.problem.end.pinned) == at.problem.system.n and not solution.problem.through
     # As many as the index, and none at the end, where an eigenvalue would vanish.
-    count = regular_index(at, error, max(tolerance_of(error), NEAR_ZERO)) if whole else None
-    if count == 0:
+    count = index_on_mesh(at, error) if whole else None
+    known = max(tolerance_of(error), NEAR_ZERO)
+    if whole and not count and regular_index(at, error, known) == 0:
         return ()
     if RESTING in solution.mesh.singular_ends:
         raise ValueError(
             "expected a path whose inertia is finite at its ends, found an infinite one: "
             "neighbours have no momentum there to leave with; `morse_index` counts without them"
         )
+    if whole and len(at.problem.start.pinned) == at.problem.system.n:
+        assembled = assemble(at, error, CONJUGATE_RESOLUTION, polish=not error <= POLISHED)
+        if assembled is not None and count is not None:
+            r = at.problem.system.n - at.problem.system.m
+            phases = Phases(assembled, assembled.jacobi_fields(), r)
+            return _merge_roots(_counted_roots(phases, count), solution.problem)
     roots: list[float] = []
     plane: Array | None = None
     before: Form | None = None
@@ -110,9 +120,14 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             plane = carry(solution, k, plane, before, form)
         elif part is not solution:
             plane = begin(solution, form)
-        phases, before = Phases(form, plane), form
-        roots += _counted_roots(phases, count)
-        plane = phases.last
+        held = form.pinned[0] if plane is None else count_pinned(plane)
+        found, plane = fields(form, plane)
+        found = [
+            form.basis[form.tr.mesh.offsets[e] : form.tr.mesh.offsets[e + 1] + 1] @ x
+            for e, x in enumerate(found)
+        ]
+        before = form
+        roots += _roots(Phases(form, found, held))
     return _merge_roots(roots, solution.problem)
 
 
@@ -156,32 +171,39 @@ def _falls(solution: Solution) -> list[float]:
                 a = max((t for t in known if miss(t, k) < 0), default=start)
                 b = min(t for t in known if miss(t, k) >= 0)
                 at_a = miss(a, k) if a > start else -1.0  # on short times rates are all there is
-                ends = (np.array([x]) for x in (a, at_a, b, miss(b, k)))
-                found[k] = float(
-                    _zeros(lambda _, t, k=k: np.array([miss(float(t[0]), k)]), *ends)[0]
-                )
+                found[k] = _zero(lambda t, k=k: miss(t, k), a, at_a, b, miss(b, k))
     return found
 
 
 class Phases:
-    """The phases theta_1 <= ... <= theta_r in [0, pi) of the Jacobi fields at any time."""
+    """The phases 0 <= theta_1 <= ... <= theta_r < pi of the Jacobi fields at any time."""
 
-    def __init__(self, form: Form, plane: Array | None = None) -> None:
-        self.form, self.mesh = form, form.tr.mesh
-        self.held = form.pinned[0] if plane is None else count_pinned(plane)
-        self.jacobi, self.last = fields(form, plane)
+    def __init__(self, form: Form | AssembledForm, fields: list[Array], held: int) -> None:
+        self.at, self.mesh = form.at, form.at.tr.mesh
+        self.frequency, self.fields, self.held = form.frequency, fields, held
+        self.units = form.units
+        # Where L_vv vanishes at an end no phase is determined: from the centre of a radial problem
+        # none turns far before the first node.
+        t, singular = self.mesh.nodes, [form.at.tr.times[k, 0] for k in form.singular]
+        self.regular = tuple(~np.isin(t[[0, -1]], singular))
+        self.span = t[0 if self.regular[0] else 1], t[-1 if self.regular[1] else -2]
 
     def __call__(self, t: Array) -> Array:
         """Return the phases at the times t (K,), shape (K, r)."""
-        form, mesh, tr = self.form, self.mesh, self.form.tr
-        b, n, r = mesh.boundaries, len(form.units), form.freedom
+        _, n, r = self.fields[0].shape
+        return np.concatenate([self._some(t[some]) for some in in_parts(t.size, AT_A_TIME * n * r)])
+
+    def _some(self, t: Array) -> Array:
+        """Return what `__call__` does of a few times."""
+        at, mesh, problem = self.at, self.mesh, self.at.problem
+        b, (_, n, r) = mesh.boundaries, self.fields[0].shape
         e = np.clip(np.searchsorted(b, t, side="left") - 1, 0, mesh.elements - 1)
         q, v = np.empty((t.size, n)), np.empty((t.size, n))
         J, rate = np.empty((t.size, n, r)), np.empty((t.size, n, r))
         for g in mesh.groups:
-            at = np.full(mesh.elements, -1)
-            at[g.elements] = np.arange(g.elements.size)
-            mine = np.flatnonzero(at[e] >= 0)
+            place = np.full(mesh.elements, -1)
+            place[g.elements] = np.arange(g.elements.size)
+            mine = np.flatnonzero(place[e] >= 0)
             if not mine.size:
                 continue
             own = e[mine]
@@ -189,148 +211,211 @@ class Phases:
             xi = np.clip(((t[mine] - b[own]) - (b[own + 1] - t[mine])) / h, -1.0, 1.0)
             weights = g.rule.interpolation(xi)
             slopes = g.rule.slopes(xi) * (2 / h)[:, None]
-            node = g.nodes[at[own]]
-            q[mine] = np.einsum("tk,tkn->tn", weights, form.at.Q[node])
-            v[mine] = np.einsum("tk,tkn->tn", slopes, form.at.Q[node])
+            node = g.nodes[place[own]]
+            q[mine] = np.einsum("tk,tkn->tn", weights, at.Q[node])
+            v[mine] = np.einsum("tk,tkn->tn", slopes, at.Q[node])
             for i in np.unique(own).tolist():
                 here = own == i
-                eta = form.basis[g.nodes[at[i]]] @ self.jacobi[i]
-                J[mine[here]] = np.tensordot(weights[here], eta, 1)
-                rate[mine[here]] = np.tensordot(slopes[here], eta, 1)
+                J[mine[here]] = np.tensordot(weights[here], self.fields[i], 1)
+                rate[mine[here]] = np.tensordot(slopes[here], self.fields[i], 1)
         times = t[:, None]
-        _, B, C, _ = coefficients(tr.problem, q, v, times)
-        scale = form.units[:, None] * form.units
-        P = (C * scale) @ rate + np.swapaxes(B * scale, 1, 2) @ J
-        basis = tangent(tr.problem, q, times, form.units)
-        Z = np.swapaxes(basis, 1, 2)
+        _, (i, j, mixed), (k, l, inertia) = coefficient_entries(problem, q, v, times)
+        basis = tangent(problem, q, times, self.units)
+        Z = basis.swapaxes(1, 2)
+        if (k == l).all():
+            diagonal = np.zeros((t.size, 1, n))
+            diagonal[:, 0, k] = inertia * self.units[k] ** 2
+            mass = Z * diagonal
+        else:
+            C = np.zeros((t.size, n, n))
+            C[:, k, l] = C[:, l, k] = inertia * (self.units[k] * self.units[l])
+            mass = Z @ C if problem.system.m else C
+        P = mass @ rate
+        if mixed.any():
+            B = np.zeros((t.size, n, n))
+            B[:, j, i] = mixed * (self.units[i] * self.units[j])
+            P += Z @ (B @ J)
         # In units of mass and frequency all phases pass a root equally fast, and turn evenly.
         try:
-            root = np.linalg.cholesky(Z @ (C * scale) @ basis * form.frequency)
+            root = np.linalg.cholesky(self.frequency * (mass @ basis))
         except np.linalg.LinAlgError:
             raise ValueError(
                 "expected d2L/dv2 positive definite on the motions allowed along the path, found "
                 f"that it is not between t = {t.min():.6g} and {t.max():.6g}, and the neighbours "
                 "not determined there"
             ) from None
-        J, P = np.swapaxes(root, 1, 2) @ (Z @ J), np.linalg.solve(root, Z @ P)
-        # (P + iJ)(P - iJ)^-1 is similar to (P - iJ)^-1 (P + iJ).
-        values = np.linalg.eigvals(np.linalg.solve(P - 1j * J, P + 1j * J))
-        theta = np.mod(np.angle(values) / 2, np.pi)
-        return np.sort(theta, axis=1)
+        both = np.concatenate([self.frequency * (mass @ J), P], axis=2)
+        J, P = np.split(np.linalg.solve(root, both), 2, axis=2)
+        # Tangents of phases, less an angle: eigenvalues of a symmetric matrix.
+        c, s = np.cos(TURNED), np.sin(TURNED)
+        found = np.linalg.solve((c * P + s * J).swapaxes(1, 2), (c * J - s * P).swapaxes(1, 2))
+        theta = TURNED + np.arctan(np.linalg.eigvalsh((found + found.swapaxes(1, 2)) / 2))
+        return np.sort(np.mod(theta, np.pi), axis=1)
+
+    def turning(self, t: Array, step: Array) -> tuple[Array, Array]:
+        """Return the phases at the times t (K,), shape (K, r), and the rate of their sum, (K,).
+
+        That is a difference over the time `step` (K,).
+        """
+        theta, later = np.split(self(np.concatenate([t, t + step])), 2)
+        turned = np.mod(np.sum(later - theta, axis=1) + np.pi / 2, np.pi) - np.pi / 2
+        return theta, turned / step
 
 
-def _lift(before: Array, now: Array) -> tuple[Array, Array]:
-    """Return the phases `now` (A, r) continued from `before`, and the largest moves (A,) to them.
+def _counted_roots(phases: Phases, count: int) -> list[float]:
+    """Return the roots of phases, of which there should be `count`.
 
-    Sorted phases on a circle keep their order: only how many have passed pi is to be found. None
-    passes it backwards but by rounding, at a root, however near that seems.
+    Phases that turn by pi between two times and rest at both look as if none had turned. Parts of
+    the time are halved until all are there, or as many are found again.
     """
-    back = np.concatenate([now[:, -1:] - np.pi, now[:, :-1]], axis=1)
-    ahead = np.concatenate([now, now + np.pi], axis=1)
-    windows = sliding_window_view(ahead, before.shape[1], axis=1)
-    lifted = np.concatenate([back[:, None], windows], axis=1)
-    moves = np.abs(lifted - before[:, None]).max(axis=2)
-    moves[now[:, -1] < np.pi - BACKWARDS, 0] = np.inf
-    each, least = np.arange(len(now)), np.argmin(moves, axis=1)
-    return lifted[each, least], moves[each, least]
-
-
-def _counted_roots(phases: Phases, count: int | None) -> list[float]:
-    """Return the roots of phases, of which there are `count`, if that is known.
-
-    Many phases that turn by what they are apart between two times look as if none had turned. Times
-    are halved until all are there, or until as many are found again.
-    """
-    found = _roots(phases, 1)
-    for halvings in range(1, PHASE_HALVINGS):
-        if len(found) == count or (count is None and phases.form.freedom < MANY_PHASES):
+    found = _roots(phases)
+    for halvings in range(1, COUNT_HALVINGS):
+        if len(found) == count:
             break
-        finer = _roots(phases, 2**halvings)
-        if count is None and len(finer) == len(found):
+        before, found = found, _roots(phases, 2**halvings)
+        if len(found) == len(before):
             break
-        found = finer
     return found
 
 
-def _roots(phases: Phases, parts: int) -> list[float]:
+def _roots(phases: Phases, parts: int = 1) -> list[float]:
     """Return each time at which a phase passes a multiple of pi, as often as phases do.
 
-    They are followed from node to node of the mesh, in so many `parts`.
+    They are followed along so many `parts` of each element.
     """
-    mesh = phases.mesh
-    share, nodes = np.arange(parts) / parts, mesh.nodes
-    times = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * share).ravel(), nodes[-1])
-    t0, t1 = times[0], times[-1]
-    # Where L_vv vanishes at an end no phase is determined: from the centre of a radial problem
-    # none turns far before the first node.
-    singular = [phases.form.tr.times[k, 0] for k in phases.form.singular]
-    times = times[~np.isin(times, singular)]
-    values = list(phases(times))
-    if t0 not in singular:
-        # As many phases are zero as directions are pinned; rounding may show them as pi.
-        held = phases.held
-        near = np.argsort(np.sin(values[0]))
-        values[0] = np.r_[np.zeros(held), np.sort(values[0][near[held:]])]
-    shortest = CLOSEST_TIMES * (t1 - t0)
-    brackets: list[tuple] = []
-    for k in range(times.size - 1):
-        stack = [(times[k], values[k], times[k + 1], values[k + 1])]
-        while stack:
-            a, at_a, b, at_b = stack.pop()
-            (lifted,), (move,) = _lift(at_a[None], at_b[None])
-            if move > MATCHED_PHASE and b - a > shortest:
-                middle = (a + b) / 2
-                at_middle = phases(np.array([middle]))[0]
-                stack += [(middle, at_middle, b, at_b), (a, at_a, middle, at_middle)]
-                continue
-            for i in np.flatnonzero(lifted >= np.pi):
-                brackets.append((at_a, i, a, at_a[i] - np.pi, b, lifted[i] - np.pi))
+    t, theta, rate, passed = _follow(phases, parts)
+    speed, close = phases.frequency, SAME_ROOT * (t[-1] - t[0])
+    # Which phase from the last one on, in which interval, passes next.
+    interval = np.repeat(np.arange(passed.size), passed)
+    order = np.arange(interval.size) - np.repeat(np.cumsum(passed) - passed, passed) + 1
+    total, width = theta.sum(axis=1), np.diff(t)
+    turned = np.pi * passed + np.diff(total)
 
-    def miss(which: NDInt, t: Array) -> Array:
-        """Return by how much phases are above pi at times (A,), of these brackets."""
-        lifted, _ = _lift(np.array([brackets[k][0] for k in which]), phases(t))
-        return lifted[np.arange(t.size), [brackets[k][1] for k in which]] - np.pi
+    def miss(which: NDInt, t_at: Array) -> Array:
+        """Return by how much phases are above pi at times (A,), of these roots."""
+        k, now = interval[which], phases(t_at)
+        x, h = (t_at - t[k]) / width[k], width[k]
+        # The sum of all phases, by its values and rates at both ends, tells how many passed pi.
+        bent = (1 - x) * (h * rate[k] - turned[k]) - x * (h * rate[k + 1] - turned[k])
+        whole = total[k] + turned[k] * x + x * (1 - x) * bent
+        return _beyond(now, np.rint((whole - now.sum(axis=1)) / np.pi).astype(int) - order[which])
 
-    ends = np.array([bracket[2:] for bracket in brackets], dtype=float).reshape(-1, 4).T
-    roots = _zeros(miss, *ends).tolist()
-    if t1 in singular:
-        return roots
+    below, above = (
+        _beyond(theta[interval], -order),
+        _beyond(theta[interval + 1], passed[interval] - order),
+    )
+    roots = _passes(miss, speed, t[interval], below, t[interval + 1], above).tolist()
     # A root at the very end may fall behind it by rounding.
-    late = np.pi - values[-1]
-    before = phases(np.array([t1 - 1e-3 * (t1 - times[-2])]))[0]
-    speed = (values[-1] - before) / (1e-3 * (t1 - times[-2]))
-    beyond = (late > 0) & (speed > 0) & (late < SAME_ROOT * (t1 - t0) * np.maximum(speed, 1e-300))
-    return roots + [float(t1)] * int(np.sum(beyond))
+    late = (np.pi - theta[-1]) / speed < close
+    return roots + [float(t[-1])] * int(np.sum(late & phases.regular[1]))
 
 
-def _zeros(
-    miss: Callable[[NDInt, Array], Array], low: Array, below: Array, high: Array, above: Array
-) -> Array:
-    """Return times (K,) at which functions pass zero upwards (Illinois method), all together.
+def _beyond(theta: Array, after: NDInt) -> Array:
+    """Return by how much a phase is above pi, if as many as `after` (A,) passed pi after it did.
 
-    They have the values `below` and `above` (K,) at the times `low` and `high`; `miss(which, t)`
-    returns those of some, (A,), at the times t (A,).
+    The phases of its time (A, r), sorted, follow one another on the circle.
     """
-    side, live = np.zeros(low.size), np.arange(low.size)
-    low, below, high, above = (np.array(x, dtype=float) for x in (low, below, high, above))
-    for _ in range(ILLINOIS_STEPS):
-        a, b = low[live], high[live]
-        live = live[(b - a > 4e-16 * np.maximum(np.abs(a), np.abs(b))) & (above[live] != 0)]
+    r = theta.shape[1]
+    return theta[np.arange(after.size), after % r] + np.pi * (after // r)
+
+
+def _follow(phases: Phases, parts: int) -> tuple[Array, Array, Array, NDInt]:
+    """Return times (K,), phases (K, r) there, the rate of their sum (K,), and how many pass pi.
+
+    From each time to the next, (K - 1,): the sum, known modulo pi, turned by the integral of its
+    rate. Where that leaves open by how many times pi, parts of the time are halved.
+    """
+    start, end = phases.span
+    b = phases.mesh.boundaries
+    share = np.arange(parts * (b.size - 1) + 1) / parts
+    cuts = np.clip(np.interp(share, np.arange(b.size), b), start, end)
+    gauss = lgl(GAUSS_DEGREE).dense(1)
+    count = gauss.nodes.size
+    ends = phases.turning(np.array([start, end]), PHASE_STEP * np.array([1, -1]) * (end - start))
+    if phases.regular[0]:
+        # As many phases are zero as directions are pinned; rounding may show them as pi.
+        near = np.argsort(np.sin(ends[0][0]))
+        ends[0][0] = np.r_[np.zeros(phases.held), np.sort(ends[0][0][near[phases.held :]])]
+    known: dict[float, tuple[Array, ...]] = {}  # by the middle of a part
+    while True:
+        middles, lengths = (cuts[:-1] + cuts[1:]) / 2, np.diff(cuts)
+        new = np.array([k for k, t in enumerate(middles.tolist()) if t not in known], dtype=int)
+        t = middles[new, None] + lengths[new, None] / 2 * gauss.nodes
+        theta, rate = phases.turning(t.ravel(), np.repeat(PHASE_STEP * lengths[new], count))
+        rate = rate.reshape(-1, count)
+        turned = gauss.increments(rate) * lengths[new, None] / 2
+        known |= zip(
+            middles[new].tolist(),
+            zip(t, theta.reshape(*t.shape, -1), rate, turned, strict=True),
+            strict=True,
+        )
+        t, theta, rate, pieces = (
+            np.array(x) for x in zip(*(known[x] for x in middles.tolist()), strict=True)
+        )
+        turned = np.zeros(t.size + 1)
+        turned[:-1] += pieces[:, :-1].ravel()
+        turned[count::count] += pieces[:, -1]
+        theta = np.concatenate([ends[0][:1], theta.reshape(t.size, -1), ends[0][1:]])
+        left = (turned - np.diff(theta.sum(axis=1))) / np.pi
+        passed = np.rint(left).astype(int)
+        unsure = np.flatnonzero((np.abs(left - passed) > SURE_COUNT) | (passed < 0))
+        halved = np.unique(np.clip([unsure // count, (unsure - 1) // count], 0, len(t) - 1))
+        halved = halved[lengths[halved] > CLOSEST_TIMES * (end - start)]
+        if not halved.size:
+            rate = np.r_[ends[1][0], rate.ravel(), ends[1][1]]
+            return np.r_[start, t.ravel(), end], theta, rate, np.maximum(passed, 0)
+        cuts = np.sort(np.r_[cuts, middles[halved]])
+
+
+def _passes(
+    miss: Callable[[NDInt, Array], Array],
+    speed: float,
+    low: Array,
+    below: Array,
+    high: Array,
+    above: Array,
+) -> Array:
+    """Return times (A,) at which functions pass zero upwards, where their slope is `speed`.
+
+    They have the values `below` and `above` (A,) at the times `low` and `high`; `miss(which, t)`
+    returns those of some, (B,), at the times t (B,). As the slope is known, t - value / speed is a
+    root but for the square of the value: of two values a root is known to the square of both.
+    """
+    t, value = np.stack([low, high]), np.stack([below, above])
+    low, high, slow = low.copy(), high.copy(), np.zeros(low.size, dtype=bool)
+    for _ in range(PASS_STEPS):
+        best = np.argsort(np.abs(value), axis=0)[:2]
+        t, value = np.take_along_axis(t, best, 0), np.take_along_axis(value, best, 0)
+        near = t - value / speed
+        wide = high - low > 4 * EPS * np.maximum(np.abs(low), np.abs(high))
+        live = np.flatnonzero((np.abs(value[0]) > SETTLED_PHASE) & wide)
         if not live.size:
             break
-        a, b = low[live], high[live]
-        t = (a * above[live] - b * below[live]) / (above[live] - below[live])
-        t = np.where((a < t) & (t < b), t, (a + b) / 2)
-        now = miss(live, t)
-        for passed, sign, end, value, other in (
-            (now >= 0, 1, high, above, below),
-            (now < 0, -1, low, below, above),
-        ):
-            k = live[passed]
-            end[k], value[k] = t[passed], now[passed]
-            other[k] /= np.where(side[k] == sign, 2.0, 1.0)
-            side[k] = sign
-        there = np.abs(now) < 1e-14
-        high[live[there]] = t[there]
-        live = live[~there]
-    return high
+        a, b, (one, other), square = low[live], high[live], near[:, live], value[:, live] ** 2
+        with np.errstate(all="ignore"):
+            guess = (one * square[1] - other * square[0]) / (square[1] - square[0])
+        guess = np.where((a < guess) & (guess < b) & ~slow[live], guess, (a + b) / 2)
+        now = miss(live, guess)
+        slow[live] = ~slow[live] & (now**2 > square[0] / 4)
+        low[live], high[live] = np.where(now < 0, guess, a), np.where(now < 0, b, guess)
+        t, value = np.vstack([t, low]), np.vstack([value, np.full(low.size, np.inf)])
+        t[2, live], value[2, live] = guess, now
+    return np.clip(near[0], low, high)
+
+
+def _zero(miss: Callable[[float], float], a: float, at_a: float, b: float, at_b: float) -> float:
+    """Return the time between a and b at which a function passes zero upwards (Illinois method)."""
+    side = 0
+    for _ in range(PASS_STEPS):
+        if b - a <= 2 * EPS * max(abs(a), abs(b)) or at_b == 0:
+            break
+        t = (a * at_b - b * at_a) / (at_b - at_a)
+        t = t if a < t < b else (a + b) / 2
+        now = miss(t)
+        if abs(now) < ZERO:
+            return t
+        if now > 0:
+            b, at_b, at_a, side = t, now, at_a / (2 if side > 0 else 1), 1
+        else:
+            a, at_a, at_b, side = t, now, at_b / (2 if side < 0 else 1), -1
+    return b

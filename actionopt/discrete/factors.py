@@ -496,7 +496,7 @@ class SparseFactors:
 
     def negative(self) -> int:
         """Return the number of negative pivots."""
-        if not self._layout.keeps_factors and "_factors" not in self.__dict__:
+        if "_factors" not in self.__dict__:
             matrix, solver = _matrix(self._layout, self._values), _solver(self._layout, "ldl")
             solver.analysed.nfact(matrix)
             return int(solver.analysed.neig(matrix))
