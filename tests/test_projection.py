@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import systems
 
+import actionopt as ao
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.projection import project
+from actionopt.discrete.projection import project, project_on
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 
@@ -63,3 +64,40 @@ def test_a_node_where_the_surface_is_not_defined_stays():
     Q[:, 0] = np.linspace(-0.5, 1.2, len(Q))
     known = np.where(Q[:, 0] > 0, 1.0, Q[:, 0])
     assert np.max(np.abs(project(tr, Q)[:, 0] - known)) <= CLOSE
+
+
+def four_bar(first, last):
+    """Return a crank of length 1, which turns round, a coupler of 2 and a rocker of 1.5, 2 apart.
+
+    Given is the crank alone; for each of its angles there are two of the others, and no motion
+    leads from one to the other.
+    """
+
+    def closed(q, t):
+        a, b, c = q
+        x = np.cos(a) + 2 * np.cos(b) - 2 - 1.5 * np.cos(c)
+        return [x, np.sin(a) + 2 * np.sin(b) - 1.5 * np.sin(c)]
+
+    system = systems.particle("a b c", constraint=closed)
+    ends = Event(0.0, [first, None, None]), Event(1.0, [last, None, None])
+    return Problem(system, *ends), lambda Q: np.array(closed(Q, 0.0))
+
+
+def test_nodes_of_a_mechanism_hang_together():
+    problem, closed = four_bar(0.5, 2.0)
+    tr = Transcription(problem, Mesh.uniform(0.0, 1.0, 4, 6), np.full(3, 2.0))
+    alone, beside = project(tr, tr.straight()), project_on(tr, tr.straight())
+    assert np.max(np.abs(closed(beside.T))) <= CLOSE
+    assert beside[[0, -1], 0].tolist() == [0.5, 2.0]
+    assert np.max(np.abs(np.diff(alone, axis=0))) > 2.0  # from one of two to the other
+    assert np.max(np.abs(np.diff(beside, axis=0))) < 0.3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("first", "last"), [(0.5, 2.0), (2.66, 0.07), (2.06, -2.49)])
+def test_a_mechanism_of_which_the_crank_is_given_moves(first, last):
+    problem, closed = four_bar(first, last)
+    Q = ao.solve(problem, tol=1e-8).path.values
+    assert np.max(np.abs(closed(Q))) < 1e-7
+    side = np.sin(Q[1] - Q[2])  # of the coupler to the rocker: it would vanish on the way
+    assert np.all(side * side[0] > 0)

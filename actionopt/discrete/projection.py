@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from actionopt.discrete.transcription import Transcription
@@ -20,8 +22,7 @@ def project(tr: Transcription, Q: Array) -> Array:
     Gauss-Newton steps of least length in units of the coordinates' sizes; a node that does not
     get nearer (the centre of a circle, say) stays.
     """
-    problem, layout = tr.problem, tr.layout
-    system = problem.system
+    system, layout = tr.problem.system, tr.layout
     at = layout.row_nodes if system.order == 1 else np.arange(layout.node_count)
     if layout.partial and system.order > 1:  # what is in contact is on it, or nearly
         return Q
@@ -32,7 +33,38 @@ def project(tr: Transcription, Q: Array) -> Array:
     if system.order > 1:  # values between the ends of elements are not unknowns
         inside = np.setdiff1d(at, layout.offsets)
         free[inside] = tr.lengths
-    q = Q[at].copy()
+    q = _onto(tr, Q[at], t, free)
+    moved = Q.copy()
+    good = np.isfinite(q).all(axis=1)
+    moved[at[good]] = q[good]
+    return moved
+
+
+def project_on(tr: Transcription, Q: Array) -> Array:
+    """Return nodes Q (K, n) of a straight line moved onto the constraint surface one after another.
+
+    What an event does not give the constraints may give but for a choice, as those of a mechanism
+    do whose crank is given. Nodes that are moved by themselves, as by `project`, choose for
+    themselves, and no motion leads from one choice to another where the surface has parts. So each
+    begins with what is chosen beside it, the first at the event that gives more.
+    """
+    problem, layout = tr.problem, tr.layout
+    moved, ends = project(tr, Q), (problem.start.near, problem.end.near)
+    given = np.array([[x is not None for x in end] for end in ends])
+    way = -1 if given[1].sum() > given[0].sum() else 1
+    free = (layout.number[:, : problem.system.n] >= 0) * tr.lengths
+    nodes = range(len(Q))[::way]
+    for last, k in pairwise(nodes):
+        near = np.where(given.all(axis=0), Q[k], moved[last] + Q[k] - Q[last])
+        q = _onto(tr, near[None], tr.mesh.nodes[[k]][:, None], free[[k]])[0]
+        moved[k] = q if np.isfinite(q).all() else near
+    return moved
+
+
+def _onto(tr: Transcription, q: Array, t: Array, free: Array) -> Array:
+    """Return places q (K, n) moved onto the surface at times t (K, 1), in units `free` (K, n)."""
+    problem, system = tr.problem, tr.problem.system
+    q = q.copy()
     jacobian = system.pointwise("constraint_jacobian")
     miss, unit = np.inf, np.eye(system.m)
     for _ in range(PROJECTIONS):
@@ -48,7 +80,4 @@ def project(tr: Transcription, Q: Array) -> Array:
         last, miss = miss, float(far.max())
         if miss < PROJECTED or miss > 2 * last:
             break
-    moved = Q.copy()
-    good = np.isfinite(q).all(axis=1)
-    moved[at[good]] = q[good]
-    return moved
+    return q

@@ -7,6 +7,8 @@ no motion takes that curve, and a part of the largest rate is reckoned with ther
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
@@ -134,25 +136,31 @@ def explain_barrier(problem: Problem) -> str:
         return ""
     if problem.has_moving_surface:  # another energy
         return ""
-    n = problem.system.n
+    n, energy = problem.system.n, float(problem.energy or 0.0)
     places = [np.array(e.q, dtype=float) if len(e.pinned) == n else None for e in ends]
     if problem.through:  # between, it may be another one
         told = [(law, q) for law, q in zip((laws[0], laws[-1]), places, strict=True)]
-        found = [barrier(problem, law, q[None]) for law, q in told if q is not None]
+        found = [barrier(problem, law, q[None], energy) for law, q in told if q is not None]
         alike = all(e.t is None and not (e.on and e.on.depends_on_time) for e in problem.through)
         return next(filter(None, found), "") if alike else ""
     q = np.array([place for place in places if place is not None])
     if n == 1 and len(q) == 2:
         q = q[0] + np.linspace(0.0, 1.0, LINE)[:, None] * (q[1] - q[0])
-    return barrier(problem, laws[0], q) if len(q) else ""
+    return barrier(problem, laws[0], q, energy) if len(q) else ""
 
 
-def barrier(problem: Problem, law: System, q: Array, what: str = "every motion has to pass") -> str:
-    """Return that the energy is below the potential of the law at one of q (K, n), or nothing.
+def barrier(
+    problem: Problem,
+    law: System,
+    q: Array,
+    energy: float,
+    what: str = "every motion has to pass",
+) -> str:
+    """Return that an energy is below the potential of the law at one of q (K, n), or nothing.
 
     And `what` that place is.
     """
-    packed, energy = problem.packed_of(law), float(problem.energy or 0.0)
+    packed = problem.packed_of(law)
     with np.errstate(all="ignore"):
         rest = -law.pointwise("first")(q, 0 * q, np.zeros((len(q), 1)), packed)[2][:, 0]
         k = int(np.argmax(np.where(np.isfinite(rest), rest, -np.inf)))
@@ -160,10 +168,9 @@ def barrier(problem: Problem, law: System, q: Array, what: str = "every motion h
             return ""
     if not _is_least_at_rest(law, q[k], packed):
         return ""
-    place = ", ".join(f"{name} = {x:.6g}" for name, x in zip(law.coordinates, q[k], strict=True))
     return (
-        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {place}, which {what}; "
-        "give a larger energy"
+        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {_named(law, q[k])}, "
+        f"which {what}" + ("" if problem.energy is None else "; give a larger energy")
     )
 
 
@@ -181,46 +188,73 @@ def _is_least_at_rest(law: System, q: Array, packed: Array) -> bool:
 def explain_rest(problem: Problem) -> str:
     """Return why no motion leads from rest, or to it, in infinite time; empty if one may.
 
-    This is for one coordinate, which passes all places on its way: from a rest to the event beside
-    it a motion has the energy of the rest. Where the potential is as high and has no slope it would
-    stay for ever.
+    From a rest to the event beside it a motion has the energy of the rest, and the potential is
+    above that nowhere on its way: not at the event, and with one coordinate, where it passes all
+    places between, at none of these. Where the potential is as high and has no slope it would stay
+    for ever.
     """
-    law, events = problem.system, problem.joints_found
-    if law.n > 1 or law.order > 1 or problem.laws or problem.closes or not conserves_energy(law):
-        return ""
-    first, name = law.pointwise("first"), law.coordinates[0]
-    for rest, beside in ((events[0], events[1]), (events[-1], events[-2])):
-        if rest.t is None or np.isfinite(rest.t) or not (rest.pinned and beside.pinned):
-            continue
-        a, b = float(rest.q[0]), float(beside.q[0])  # type: ignore[arg-type]
-        if a == b:
-            continue
-
-        def at(q: Array) -> tuple[Array, Array]:
-            """Force and potential at q (K,)."""
-            slope, _, L = first(q[:, None], 0 * q[:, None], 0 * q[:, None], problem.packed)
-            return slope[:, 0].copy(), -L[:, 0]
-
-        q = a + np.linspace(0.0, 1.0, 10 * LINE)[1:-1] * (b - a)
-        force, potential = at(q)
-        turns = np.flatnonzero(np.diff(np.sign(force)))
-        low, high = q[turns], q[turns + 1]
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            same = np.sign(at(middle)[0]) == np.sign(force[turns])
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
-        energy = float(at(np.array([a]))[1][0])
-        places = np.concatenate([q, low])[:, None]
-        below = energy - TOP_ROUNDOFF * float(np.abs(potential - energy).max(initial=0.0))
-        height = at(places[:, 0])[1]
+    law = problem.system
+    for a, b, energy in legs_to_rest(problem):
+        if law.n > 1:
+            places, below = b[None], energy + MERGED * abs(energy)
+        else:
+            places, below = _tops(problem, a, b, energy)
+        height = potential(problem, places)
         k = int(np.argmax(np.where(np.isfinite(height), height, -np.inf)))
         if height[k] > below and _is_least_at_rest(law, places[k], problem.packed):
+            end = "" if law.n > 1 else f" on its way to {b[0]:.6g}"
             return (
-                f"a motion that rests at {name} = {a:.6g} in infinite time has the energy "
-                f"{energy:.6g} and does not pass {name} = {places[k, 0]:.6g} on its way to "
-                f"{b:.6g}, where the potential is as high"
+                f"a motion that rests at {_named(law, a)} in infinite time has the energy "
+                f"{energy:.6g} and does not pass {_named(law, places[k])}{end}, where the "
+                f"potential is {'as high' if law.n == 1 else f'{height[k]:.6g}'}"
             )
     return ""
+
+
+def legs_to_rest(problem: Problem) -> Iterator[tuple[Array, Array, float]]:
+    """Yield a rest (n,) of infinite time, the event beside it, (n,), and the energy of motions.
+
+    Where that is kept, and both are given.
+    """
+    law, events = problem.system, problem.joints_found
+    if law.order > 1 or problem.laws or problem.closes or not conserves_energy(law):
+        return
+    for rest, beside in ((events[0], events[1]), (events[-1], events[-2])):
+        given = len(rest.pinned) == len(beside.pinned) == law.n
+        if rest.t is None or np.isfinite(rest.t) or not given or rest.q == beside.q:
+            continue
+        a, b = np.array([rest.q, beside.q], dtype=float)
+        yield a, b, float(potential(problem, a[None])[0]) + 0.0  # no -0.0, to be told
+
+
+def potential(problem: Problem, q: Array) -> Array:
+    """Return the energy at rest at places q (K, n), (K,)."""
+    with np.errstate(all="ignore"):
+        at = q, 0 * q, np.zeros((len(q), 1)), problem.packed
+        return -problem.system.pointwise("first")(*at)[2][:, 0]
+
+
+def _tops(problem: Problem, a: Array, b: Array, energy: float) -> tuple[Array, float]:
+    """Return places (K, 1) between two of one coordinate, tops among them, and what is as high."""
+    first = problem.system.pointwise("first")
+
+    def force(q: Array) -> Array:
+        return first(q[:, None], 0 * q[:, None], 0 * q[:, None], problem.packed)[0][:, 0].copy()
+
+    q = a[0] + np.linspace(0.0, 1.0, 10 * LINE)[1:-1] * (b[0] - a[0])
+    known, height = np.sign(force(q)), potential(problem, q[:, None])
+    turns = np.flatnonzero(np.diff(known))
+    low, high = q[turns], q[turns + 1]
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        same = np.sign(force(middle)) == known[turns]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    below = energy - TOP_ROUNDOFF * float(np.abs(height - energy).max(initial=0.0))
+    return np.concatenate([q, low])[:, None], below
+
+
+def _named(law: System, q: Array) -> str:
+    return ", ".join(f"{name} = {x:.6g}" for name, x in zip(law.coordinates, q, strict=True))
 
 
 def conserves_energy(system: System) -> bool:

@@ -34,7 +34,6 @@ from actionopt.solver.durations import (
     LINE,
     MERGED,
     NEAR_DURATION,
-    barrier,
     conserves_energy,
     rates,
     return_time,
@@ -43,7 +42,7 @@ from actionopt.solver.durations import (
 )
 from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, coordinate_scales
-from actionopt.solver.lowest_pass import lowest_pass
+from actionopt.solver.lowest_pass import explain_pass
 from actionopt.solver.refine import ROUNDS
 from actionopt.solver.workspace import QUICK_STEPS, ROUGHLY
 from actionopt.tools.types import EPS, Array
@@ -55,9 +54,6 @@ SCANNED = 9  # durations either way, each the root of two times the next, that a
 TRIED_DURATIONS = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
 BELOW_LOWEST = 0.9  # of the duration of the lowest path
 ENERGY_ROUNDOFF = 1e3 * EPS  # of an energy; measured, 40 eps on throws and transfers
-# A pass is above the energy for sure if by this part of what the straight line is. Measured on 21
-# random questions of 2 to 5 coordinates whose paths lead round hills: for none it was above at all.
-NO_PASS = 0.25
 # Half lengths of its first and last element, from their middles, that a motion is carried on; parts
 # of its duration that are cut off at most.
 AHEAD, DURATION_CUT = 3.0, 0.4
@@ -144,20 +140,14 @@ class FirstPaths:
         with suppress(ValueError):  # that no motion of the energy takes the straight line
             yield time_waypoints(self.problem, straight(self.problem).T), None, "line"
 
-    def _look_for_pass(self, line: Array, above: float) -> None:
-        """Find out whether the energy is below the potential on all curves beside the line.
-
-        On that it is below by `above`.
-        """
+    def _look_for_pass(self, line: Array) -> None:
+        """Find out whether the energy is below the potential on all curves beside the line."""
         problem, law = self.problem, self.problem.system
         pinned = len(problem.start.pinned) == len(problem.end.pinned) == law.n
         if law.n == 1 or not (problem.free_time and pinned and conserves_energy(law)):
             return
-        curve, height = lowest_pass(problem, line)
-        if height > NO_PASS * above:
-            what = "is on the lowest of the curves between the events that were tried"
-            self.hint = barrier(problem, law, curve, what)
-            self.barred = bool(self.hint)
+        self.hint = explain_pass(problem, line, float(problem.energy or 0.0))
+        self.barred = bool(self.hint)
 
     def over_durations(self) -> Iterator[DiscretePath]:
         """Yield paths over fixed durations, near those that have the energy.
@@ -175,7 +165,7 @@ class FirstPaths:
             durations = self._durations_of_energy()
             if known is not None and known[1] < 0:
                 self.blocked = "the energy is below the potential on the straight line"
-                self._look_for_pass(q, -known[1])
+                self._look_for_pass(q)
             if known is not None:
                 durations.append(float(known[0][-1]))
         if not durations:

@@ -229,9 +229,9 @@ class Workspace(Generic[Place]):
             else:
                 Q = path.values.T if path.mesh is mesh else path.on(mesh).values.T
             if system.m and lam is None:
-                from actionopt.discrete.projection import project
+                from actionopt.discrete.projection import project, project_on
 
-                Q = project(tr, Q)
+                Q = (project_on if path is None and _chooses(self.problem) else project)(tr, Q)
             if not self.checked:
                 check(tr, Q)
                 self.checked = True
@@ -542,6 +542,14 @@ class Workspace(Generic[Place]):
 def _without_multipliers(path: DiscretePath) -> Array:
     """Return the unknowns (size,) of a path, its multipliers zero."""
     return np.concatenate([path.x, np.zeros(path.z.size - path.x.size)])
+
+
+def _chooses(problem: Problem) -> bool:
+    """Whether constraints may give what an event leaves open, as they do of a mechanism."""
+    system = problem.system
+    left = [system.n - len(e.pinned) for e in (problem.start, problem.end)]
+    plain = not (problem.closes or problem.through or problem.on_surface) and system.order == 1
+    return plain and any(0 < count <= system.m for count in left)
 
 
 def alike(lengths: Array, tr: Transcription) -> bool:
