@@ -169,7 +169,7 @@ def barrier(
     if not _is_least_at_rest(law, q[k], packed):
         return ""
     return (
-        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {_place_text(law, q[k])}, "
+        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {_place(law, q[k])}, "
         f"which {what}" + ("" if problem.energy is None else "; give a larger energy")
     )
 
@@ -204,8 +204,8 @@ def explain_rest(problem: Problem) -> str:
         if height[k] > below and _is_least_at_rest(law, places[k], problem.packed):
             end = "" if law.n > 1 else f" on its way to {b[0]:.6g}"
             return (
-                f"a motion that rests at {_place_text(law, a)} in infinite time has the energy "
-                f"{energy:.6g} and does not pass {_place_text(law, places[k])}{end}, where the "
+                f"a motion that rests at {_place(law, a)} in infinite time has the energy "
+                f"{energy:.6g} and does not pass {_place(law, places[k])}{end}, where the "
                 f"potential is {'as high' if law.n == 1 else f'{height[k]:.6g}'}"
             )
     return ""
@@ -253,7 +253,7 @@ def _tops(problem: Problem, a: Array, b: Array, energy: float) -> tuple[Array, f
     return np.concatenate([q, low])[:, None], below
 
 
-def _place_text(law: System, q: Array) -> str:
+def _place(law: System, q: Array) -> str:
     return ", ".join(f"{name} = {x:.6g}" for name, x in zip(law.coordinates, q, strict=True))
 
 
