@@ -58,33 +58,40 @@ def with_contact_times(tr: Transcription, times: Array, moves: Array) -> Transcr
     return Transcription(moved, mesh, tr.lengths, like=tr)
 
 
-def tangency_step(
-    equations: Equations, z: Array, times: Array, force: Array | float = 0.0
-) -> tuple[Array, Array] | None:
-    """Return Newton's step (J,) for the times of contact and that of z (size,), with it.
+class TangencyMatrix:
+    """The factors of Newton's matrix for a path and its times of contact, J of them, at one path.
 
     Both at once: between given times of contact a path that is stationary meets the obstacle at an
-    angle whose square the times determine, and may not exist at all. None if there is no step.
-    A `force` (size,) is what its residual is to be in place of zero.
+    angle whose square the times determine, and may not exist at all. Raises LinAlgError where the
+    matrix of the path is singular, or not finite.
     """
-    tr, count, held = equations.at(z), times.size, contacts_of(equations.at(z).problem)
-    where = np.searchsorted(held.knots, times)
-    # All times from one on move, so that a short part behind it keeps its length.
-    shifted = (where[:, None] == where) & (np.arange(count)[:, None] >= np.arange(count))
-    columns, rows, corner = contact_edges(equations, z, times)
-    try:
-        factors = Factors(equations.layout, equations.kkt(z), many=True)
-        step = factors.solve(force - equations.residual(z))
-        moves = -np.stack([factors.solve(move) for move in (columns @ shifted).T], axis=1)
-        slopes = rows @ moves + corner @ shifted
-        there = DiscretePath(equations.at(z + step), (z + step)[: tr.layout.size])
-        left = slip_values(there)
+
+    def __init__(self, equations: Equations, z: Array, times: Array) -> None:
+        tr, held = equations.at(z), contacts_of(equations.at(z).problem)
+        where, each = np.searchsorted(held.knots, times), np.arange(times.size)
+        # All times from one on move, so that a short part behind it keeps its length.
+        self._shifted = (where[:, None] == where) & (each[:, None] >= each)
+        columns, rows, corner = contact_edges(equations, z, times)
+        self._factors = Factors(equations.layout, equations.kkt(z), many=True)
+        moves = [self._factors.solve(move) for move in (columns @ self._shifted).T]
+        self._moves = -np.stack(moves, axis=1)
+        slopes = rows @ self._moves + corner @ self._shifted
         across, sizes, along = np.linalg.svd(slopes, full_matrices=False)
         pressed = sizes > PRESSING * float(tr.row_units.max()) / held.duration**2
-        change = -along[pressed].T @ ((across.T @ left)[pressed] / sizes[pressed])
-    except np.linalg.LinAlgError:
-        return None
-    return shifted @ change, step + moves @ change
+        self._inverse = -(along[pressed].T / sizes[pressed]) @ across.T[pressed]
+
+    def step(
+        self, equations: Equations, z: Array, force: Array | float = 0.0
+    ) -> tuple[Array, Array]:
+        """Return the step (J,) for the times of contact and that of z (size,), with it.
+
+        It is Newton's where the matrix is that at z; a simplified one where times and z have moved
+        since. A `force` (size,) is what the residual of the path is to be in place of zero.
+        """
+        step = self._factors.solve(force - equations.residual(z))
+        there = DiscretePath(equations.at(z + step), (z + step)[: equations.at(z).layout.size])
+        change = self._inverse @ slip_values(there)
+        return self._shifted @ change, step + self._moves @ change
 
 
 def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, Array, Array]:

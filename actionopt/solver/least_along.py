@@ -52,7 +52,7 @@ from actionopt.solver.obstacle import (
     ContactChange,
 )
 from actionopt.solver.refine import refine
-from actionopt.solver.taut_strings import WayOut, look_along, taut_string_round
+from actionopt.solver.taut_strings import Strings, WayOut
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import OutOfTime, Spent, Watch
 
@@ -181,7 +181,7 @@ def _draw_strings(
     if problem.system.n == 1 or problem.system.m or problem.is_course:
         return None
     sizes, free = 2.0 ** measures(problem.lengths), _free_path(ws, mesh)
-    looked_at = look_along(free)
+    strings = Strings.round(free)
     for sign in (1.0, -1.0) if guess is None else (1.0,):
         ws.restart()
         ws.take_up(free)
@@ -190,7 +190,7 @@ def _draw_strings(
             away = sign * sideways(free) if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
-        string = taut_string_round(free, looked_at, side)
+        string = strings.drawn(side)
         if string is None:
             continue
         status = refine_contact(ws, tol, string[1], string[0])
@@ -238,7 +238,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     for side in (out.normal, -out.normal) if n == 2 else (out.normal,):
         if best and far > best[0].here.action:
             return best
-        string = taut_string_round(free, out.looked_at, lambda _, side=side: side)
+        string = out.strings.drawn(lambda _, side=side: side)
         if string is None or len(string[1]) != 1 or _meets_another(problem, *string):
             return best and (*best[:2], False)
         if n > 2 and far < _action_of(problem, string[0]):

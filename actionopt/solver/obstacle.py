@@ -29,9 +29,10 @@ import numpy as np
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import moves_of, times_of
 from actionopt.discrete.boundaries import with_boundaries
-from actionopt.discrete.contact_times import merge_contacts, tangency_step, with_contact_times
+from actionopt.discrete.contact_times import TangencyMatrix, merge_contacts, with_contact_times
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import CHORDS, CONTRACTION
 from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import Arc
@@ -306,23 +307,27 @@ class Along(Workspace[Iterate]):
     def _join(self, force: Array | float = 0.0) -> bool:
         """Move path and times of contact to where it is tangential; False if that fails."""
         settled = float(np.clip(SETTLED_SHARE * self.tol, *SETTLED_STEPS))
-        last, stalled, contraction = np.inf, False, 1.0  # it is not that of another mesh
+        matrix, last, stalled, contraction = None, np.inf, False, 1.0
         for _ in range(PATIENT):
             times = self.contact_problem.contact_times
             if not times.size:
                 return True
-            here = self.here
+            here, simplified = self.here, matrix is not None
             with self.record.clock("solve"), np.errstate(all="ignore"):
-                found = tangency_step(here.equations, here.z, times, force)
-            if found is None:
-                return False
-            step, move = found
+                try:
+                    matrix = matrix or TangencyMatrix(here.equations, here.z, times)
+                    step, move = matrix.step(here.equations, here.z, force)
+                except np.linalg.LinAlgError:
+                    return False
             size = float(np.abs(step).max()) / self.question.duration
             size = max(size, here.equations.relative_step(move))
+            if simplified and not size < CONTRACTION * last:
+                matrix = None  # Newton's own step may do
+                continue
             if not size < RUNAWAY_STEP:
                 return False
             before, stalled = stalled, last < STALLED_TIME and size > last / 2
-            if before and stalled:
+            if size < settled or (before and stalled):
                 return True
             part = self._within(times, step)
             self._shift(times, part * step)
@@ -330,6 +335,8 @@ class Along(Workspace[Iterate]):
             contraction = min(size / last, 1.0) if last < np.inf else contraction
             if size * contraction < settled:
                 return True
+            if part < 1.0 or (simplified and size * contraction**CHORDS > settled):
+                matrix = None
             last = size
         return False
 

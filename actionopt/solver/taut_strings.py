@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +25,8 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import Arc
 from actionopt.solver.first_contacts import ACROSS, rows_along, runs, sample_times, times_between
-from actionopt.tools.types import EPS, Array
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import EPS, Array, NDInt
 
 ANGLE = np.pi / 36  # by which a normal is turned at once; ad hoc
 # of Newton's method to a point, and a step that is the last: the next would be its square
@@ -34,7 +36,6 @@ ANGLE_STEPS, LAST_ANGLE = 12, 1e-4
 FIRST_STRIDE = 8  # steps across a body at once, at first
 SEEN_INSIDE = 3  # places where a path is inside of an obstacle that need not be looked for; ad hoc
 PASSES = 5  # over all bodies, where there are several
-FINE = 129  # times at which a path is known, to compare speeds along it
 LEAST_TURN = 1e-4  # of an angle, that a normal is turned by at least
 
 
@@ -142,25 +143,29 @@ class Body:
         normals, points = zip(*found, strict=True)
         return np.array(normals), np.array(points)
 
-    def taut_string(self, chain: tuple[Array, Array], ways: Ways) -> tuple[Array, Array] | None:
+    def taut_string(
+        self, chain: tuple[Array, Array], ways: Ways, degree: int
+    ) -> tuple[Array, Array] | None:
         """Return the times (K,) and points (K, n) at which a taut string lies on the body.
 
         `chain` are normals and points of support around the body. The string lies on it from where
         a tangent leads to its one end to where a tangent leads to the other; None if nowhere.
+        Between two points of support are those of a polynomial of a `degree`.
         """
         normals, points = chain
         angles = ways.beyond(*chain)
-        beyond = angles[0] > 0, angles[1][::-1] > 0
-        inner = [int(np.argmax(x)) for x in beyond]
-        if not all(inner):  # at an end already, or nowhere
+        angles[1] = angles[1][::-1]
+        inner = np.argmax(angles > 0, axis=1)
+        if not inner.all():  # at an end already, or nowhere
             return None
         last = len(points) - 1
         # The places before and behind, at either end, and the angles there.
         at = np.array([[inner[0] - 1, last - inner[1] + 1], [inner[0], last - inner[1]]])
         low, high = normals[at]
-        ends, off = points[at[0]], angles[[0, 1], at]
+        off = np.array([angles[[0, 1], inner - 1], angles[[0, 1], inner]])
+        part = parts_at_zero(angles, inner)
+        ends = points[at[0]] + part[:, None] * (points[at[1]] - points[at[0]])
         for _ in range(ANGLE_STEPS):
-            part = off[0] / (off[0] - off[1])
             turned = np.array([between(*x) for x in zip(low, high, part, strict=True)])
             ends = self.touching_points(ends, turned)
             if ends is None:
@@ -171,12 +176,55 @@ class Body:
             past = angle > 0
             low, high = (np.where(past[:, None], *x) for x in ((low, turned), (turned, high)))
             off = np.where(past, [off[0] / 2, angle], [angle, off[1] / 2])
-        inside = points[inner[0] : last - inner[1] + 1]
-        points = np.concatenate([ends[:1], inside, ends[1:]])
-        lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+            part = off[0] / (off[0] - off[1])
+        inside = slice(inner[0], last - inner[1] + 1)
+        points = np.concatenate([ends[:1], points[inside], ends[1:]])
+        normals = np.concatenate([turned[:1], normals[inside], turned[1:]])
+        lengths, points = along_surface(points, normals, degree)
         t, arrival, _ = (x[0] for x in ways.passing(ends[:1], ends[1:], lengths[-1]))
         speed = max(float(np.linalg.norm(arrival)), EPS)
         return t + lengths / speed, points
+
+
+def parts_at_zero(f: Array, k: NDInt) -> Array:
+    """Return the parts (C,) of the ways from f[k - 1] <= 0 to f[k] > 0 where f (C, K) is zero.
+
+    By the cubic through the four around; where that lies outside, by the line through the two.
+    """
+    each, width = np.arange(k.size), min(f.shape[1], 4)
+    at = np.clip(k - 2, 0, f.shape[1] - width)[:, None] + np.arange(width)
+    values, same = f[each[:, None], at], np.eye(width, dtype=bool)
+    apart = np.where(same, 1.0, values[:, None] - values[:, :, None])
+    weights = np.where(same, 1.0, values[:, None] / apart).prod(axis=2)
+    part = np.sum(weights * at, axis=1) - (k - 1)
+    line = f[each, k - 1] / (f[each, k - 1] - f[each, k])
+    return np.where((part > 0) & (part < 1), part, line)
+
+
+def along_surface(points: Array, normals: Array, degree: int) -> tuple[Array, Array]:
+    """Return lengths along a curve on a surface, and its points, at the nodes between some.
+
+    It goes through points (K, n) of the surface with these normals (K, n), and is cubic between
+    two: (K - 1) degree + 1 of each.
+    """
+    ways = np.diff(points, axis=0)
+    ahead = np.concatenate([ways[:1], ways[1:] + ways[:-1], ways[-1:]])
+    ahead -= np.sum(ahead * normals, axis=1)[:, None] * normals
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1), EPS)[:, None]
+    turned = np.diff(ahead, axis=0)
+    # An arc is longer than its chord by the square of the angle, over 24.
+    lengths = np.linalg.norm(ways, axis=1) * (1 + np.sum(turned**2, axis=1) / 24)
+    s = (lgl(degree).nodes[:-1, None] + 1) / 2
+    bent = s * (1 - s) * lengths[:, None, None]
+    straight = points[:-1, None] + s * ways[:, None]
+    way = ways[:, None] / np.maximum(lengths, EPS)[:, None, None]
+    first, last = ahead[:-1, None] - way, ahead[1:, None] - way
+    inner = straight + bent * ((1 - s) * first - s * last)
+    since = np.append(0.0, np.cumsum(lengths))
+    along = since[:-1, None] + s[:, 0] * lengths[:, None]
+    return np.append(along, since[-1]), np.concatenate(
+        [inner.reshape(-1, ways.shape[1]), points[-1:]]
+    )
 
 
 def angle_of(a: Array, b: Array) -> float:
@@ -248,36 +296,124 @@ class Ways:
 
 
 @dataclass(frozen=True)
-class WayOut:
-    """The place where a path is deepest inside of an obstacle, and the nearest way out.
+class Strings:
+    """Strings drawn taut round what a path passes through.
 
     Attributes
     ----------
     found : DiscretePath
         The path.
+    t, rows : (K,) and (r, K) arrays
+        Times along it, and the rows of the obstacle then.
+    """
+
+    found: DiscretePath
+    t: Array
+    rows: Array
+
+    @classmethod
+    def round(cls, found: DiscretePath, *, seen: bool = False) -> Strings:
+        """Return those round what a path passes through; what is `seen` is not looked for."""
+        t = times_between(found.mesh) if seen else sample_times(found)
+        rows = rows_along(found, t)
+        if seen and np.count_nonzero(rows < 0) < SEEN_INSIDE:
+            return cls.round(found)
+        return cls(found, t, rows)
+
+    @property
+    def sizes(self) -> Array:
+        """The units of the coordinates, (n,)."""
+        return 2.0 ** measures(self.found.problem.lengths)
+
+    @cached_property
+    def _motion(self) -> tuple[Array, Array, Array]:
+        """Times since the start at the nodes, (K,), coordinates and velocities (K, n) there."""
+        found = self.found
+        return (
+            found.mesh.nodes_since,
+            found.Q / self.sizes,
+            found.path.velocity(found.mesh.nodes).T / self.sizes,
+        )
+
+    def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
+        """Return the `Ways` between two places; None where the path has no node between."""
+        since = self._motion[0]
+        inner = (before[0] < since) & (since < behind[0])
+        return Ways(*(x[inner] for x in self._motion), before, behind) if inner.any() else None
+
+    def drawn(self, side: Callable[[float], Array]) -> tuple[Path, tuple[Arc, ...]] | None:
+        """Return the path along a taut string, and its contacts.
+
+        None if the path passes through nothing, or through what has no edge to that side, such as a
+        plane. The `side` is a direction (n,) at a time, coordinates in units of their `measures`.
+        """
+        found, sizes, held = self.found, self.sizes, contacts_of(self.found.problem)
+        start, duration, none = held.start.t, held.duration, np.zeros((1, held.system.n))
+        degree = max(found.mesh.degrees)
+        passed = sorted((k, l, i) for i, row in enumerate(self.rows < 0) for k, l in runs(row))
+        # What is known of contacts so far: when, and how far from the path; first where it enters.
+        bodies, chains, known = [], [], [(np.zeros(1), none)]
+        for k, l, i in passed:
+            middle = float(self.t[k] + self.t[l]) / 2
+            bodies.append(Body(held, i, middle))
+            first, last = found.path(self.t[[k, l]]).T / sizes
+            chains.append(bodies[-1].arc_over(first, last, side(middle)))
+            known.append((np.array([middle - start]), none))
+        known.append((np.array([duration]), none))
+        if not bodies or any(chain is None for chain in chains):
+            return None
+        for _ in range(PASSES if len(bodies) > 1 else 1):
+            for j, (body, chain) in enumerate(zip(bodies, chains, strict=True)):
+                before, behind = (
+                    (known[k][0][e], known[k][1][e]) for k, e in ((j, -1), (j + 2, 0))
+                )
+                ways = self.ways(before, behind)
+                if ways is None or chain is None:
+                    return None
+                contact = body.taut_string(chain, ways, degree)
+                if contact is None or contact[0][-1] >= behind[0]:
+                    return None
+                known[j + 1] = contact[0], contact[1] - found.path(start + contact[0]).T / sizes
+        times, drift = (np.concatenate(x) for x in zip(*known, strict=True))
+        if np.diff(times).min() <= 0:
+            return None
+        begin, end = np.transpose([since[[0, -1]] for since, _ in known[1:-1]])
+        b = found.mesh.since
+        free = b[((b < begin[:, None]) | (end[:, None] < b)).all(axis=0)]
+        since = np.union1d(free, np.concatenate([since[::degree] for since, _ in known[1:-1]]))
+        mesh = Mesh.over(start, held.end.t, since, degree)
+        away = np.array([np.interp(mesh.nodes_since, times, d) for d in drift.T]).T
+        joints = mesh.boundaries[np.searchsorted(since, [begin, end])].T.tolist()
+        arcs = (Arc(i, *ends) for (_, _, i), ends in zip(passed, joints, strict=True))
+        return Path(mesh, found.path(mesh.nodes) + (away * sizes).T), tuple(arcs)
+
+
+@dataclass(frozen=True)
+class WayOut:
+    """The place where a path is deepest inside of an obstacle, and the nearest way out.
+
+    Attributes
+    ----------
+    strings : Strings
+        Those round what the path passes through.
     t : float
         When it is there.
     body : Body
         The row that it is inside of.
     normal : (n,) array
         The body's normal there, coordinates in units of their `measures`.
-    looked_at : (K,) and (r, K) arrays
-        What `look_along` returns of the path.
     """
 
-    found: DiscretePath
+    strings: Strings
     t: float
     body: Body
     normal: Array
-    looked_at: tuple[Array, Array]
 
     @classmethod
     def of(cls, found: DiscretePath) -> WayOut | None:
         """Return the way out from where a path is deepest inside; None where it is outside."""
-        t = times_between(found.mesh)
-        rows = rows_along(found, t)
-        if np.count_nonzero(rows < 0) < SEEN_INSIDE:
-            t, rows = look_along(found)
+        strings = Strings.round(found, seen=True)
+        t, rows = strings.t, strings.rows
         i, k = np.unravel_index(np.argmin(rows), rows.shape)
         if not rows[i, k] < 0:
             return None
@@ -289,91 +425,32 @@ class WayOut:
             deepest = np.clip([lowest], t[k - 1], t[k + 1])
         body = Body(contacts_of(found.problem), int(i), float(deepest[0]))
         normal = body.normals(found.path(deepest).T / body.sizes)[0]
-        return cls(found, float(deepest[0]), body, normal, (t, rows))
+        return cls(strings, float(deepest[0]), body, normal)
 
     def within(self, sides: Array) -> Path | None:
         """Return a path that is just inside of the body's nearest edge straight to `sides` (k, n).
 
         Paths past all of those edges are longer. None if there is no edge.
         """
-        found, sizes = self.found, self.body.sizes
-        held, since = contacts_of(found.problem), np.linspace(0.0, found.problem.duration, FINE)
-        t, here = since + held.start.t, found.path(self.t) / sizes
+        found, sizes = self.strings.found, self.body.sizes
+        start, duration, here = found.problem.start.t, found.problem.duration, found.path(self.t)
+        here = here / sizes
         reach = self.body.reach(here, sides)
         nearest = int(np.argmin(reach))
         if not reach[nearest] < np.inf:
             return None
-        drift = reach[nearest] * sides[nearest]
-        q, v = (z(t).T / sizes for z in (found.path, found.path.velocity))
-        ends = [(s, np.zeros(sizes.size)) for s in since[[0, -1]]]
-        ways = Ways(since[1:-1], q[1:-1], v[1:-1], *ends)
-        there = (here + drift)[None]
-        when = ways.passing(there, there, 0.0)[0][0]
-        drift = here + drift - found.path(when + held.start.t) / sizes
-        part = np.interp(since, [0.0, when, since[-1]], [0.0, 1.0, 0.0])[:, None]
-        return Path(Mesh.over(held.start.t, held.end.t, since, 1), ((q + part * drift) * sizes).T)
+        there = here + reach[nearest] * sides[nearest]
+        ways = self.strings.ways(*((t, np.zeros(sizes.size)) for t in (0.0, duration)))
+        assert ways is not None
+        when = ways.passing(there[None], there[None], 0.0)[0][0]
+        drift = (there * sizes - found.path(when + start))[:, None]
+        mesh = Mesh.over(start, start + duration, np.union1d(found.mesh.nodes_since, when), 1)
+        part = np.interp(mesh.since, [0.0, when, duration], [0.0, 1.0, 0.0])
+        return Path(mesh, found.path(mesh.boundaries) + part * drift)
 
     def other_sides(self, first: Array) -> Array:
         """Return directions (k, n) across the path: the farther way, and to `first` and beyond."""
         n, sizes = self.normal.size, self.body.sizes
-        ahead = self.found.path.velocity(self.t) / sizes
+        ahead = self.strings.found.path.velocity(self.t) / sizes
         axes = np.linalg.qr(np.column_stack([ahead, self.normal, first, np.eye(n)]))[0][:, 2:].T
         return np.concatenate([[-self.normal], axes, -axes])
-
-
-def look_along(found: DiscretePath) -> tuple[Array, Array]:
-    """Return times (K,) along a path, and the rows of the obstacle (r, K) then."""
-    t = sample_times(found)
-    return t, rows_along(found, t)
-
-
-def taut_string_round(
-    found: DiscretePath, looked_at: tuple[Array, Array], side: Callable[[float], Array]
-) -> tuple[Path, tuple[Arc, ...]] | None:
-    """Return a path taut round what a path, looked along, passes through, and its contacts.
-
-    None if it passes through nothing, or through what has no edge to that side, such as a plane.
-    The `side` is a direction (n,) at a time, coordinates in units of their `measures`.
-    """
-    held, (t, rows) = contacts_of(found.problem), looked_at
-    sizes, inside = 2.0 ** measures(held.lengths), rows < 0
-    start, duration, none = held.start.t, held.duration, np.zeros((1, held.system.n))
-    fine = np.linspace(0.0, duration, FINE)
-    path, velocity = (
-        (lambda s, z=z: z(start + s).T / sizes) for z in (found.path, found.path.velocity)
-    )
-    passed = sorted((k, l, i) for i, row in enumerate(inside) for k, l in runs(row))
-    # What is known of contacts so far: when, and how far from the path; first where it enters.
-    bodies, chains, known = [], [], [(np.zeros(1), none)]
-    for k, l, i in passed:
-        middle = (t[k] + t[l]) / 2
-        bodies.append(Body(held, i, middle))
-        first, last = path(t[[k, l]] - start)
-        chains.append(bodies[-1].arc_over(first, last, side(middle)))
-        known.append((np.array([middle - start]), none))
-    known.append((np.array([duration]), none))
-    if not bodies or any(chain is None for chain in chains):
-        return None
-    for _ in range(PASSES if len(bodies) > 1 else 1):
-        for j, (body, chain) in enumerate(zip(bodies, chains, strict=True)):
-            before, behind = ((known[k][0][e], known[k][1][e]) for k, e in ((j, -1), (j + 2, 0)))
-            inner = fine[(before[0] < fine) & (fine < behind[0])]
-            if not inner.size or chain is None:
-                return None
-            ways = Ways(inner, path(inner), velocity(inner), before, behind)
-            contact = body.taut_string(chain, ways)
-            if contact is None or contact[0][-1] >= behind[0]:
-                return None
-            known[j + 1] = contact[0], contact[1] - path(contact[0])
-    times = np.concatenate([since for since, _ in known])
-    if np.diff(times).min() <= 0:
-        return None
-    parts = [since[[0, -1]] for since, _ in known[1:-1]]
-    begin, end = np.transpose(parts)
-    free = fine[((fine < begin[:, None]) | (end[:, None] < fine)).all(axis=0)]
-    since, drift = np.union1d(free, times), np.concatenate([away for _, away in known])
-    away = np.array([np.interp(since, times, d) for d in drift.T]).T
-    mesh = Mesh.over(start, held.end.t, since, 1)
-    joints = mesh.boundaries[np.searchsorted(since, parts)].tolist()
-    arcs = (Arc(i, *ends) for (_, _, i), ends in zip(passed, joints, strict=True))
-    return Path(mesh, ((path(since) + away) * sizes).T), tuple(arcs)
