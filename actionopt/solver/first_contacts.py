@@ -22,7 +22,6 @@ from actionopt.mechanics.held import Held, contacts_of, measures
 from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import Principle, find
-from actionopt.solver.preflight import check
 from actionopt.solver.search import CURVED_HEIGHT
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.lobatto import lgl
@@ -89,24 +88,12 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     return found
 
 
-def check_once(ws: Workspace, mesh: Mesh, path: Path | None) -> None:
-    """Check the question as it was asked, the first time, before its obstacle becomes constraints.
-
-    Raises ValueError as `preflight.check` does, in the words of the question.
-    """
-    if not ws.checked:
-        plain = Transcription(ws.question, mesh, ws.question.lengths)
-        check(plain, plain.straight() if path is None else path.on(mesh).values.T)
-        ws.checked = True
-
-
 def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) -> bool:
     """Ask Ipopt for a least path with f >= 0 at the nodes; False if it finds none."""
     free, started = ws.question, perf_counter()
     ws.problem = Held(free, sought=True)
     if ws.problem.boundaries:
         mesh = with_boundaries(mesh, ws.problem.boundaries)
-    check_once(ws, mesh, path)
     ws.transcribe(mesh, path, np.zeros((mesh.nodes.size, ws.problem.system.m)))
     tr = ws.here.tr
     with ws.record.clock("solve"):
@@ -214,18 +201,20 @@ def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Arr
 
     Those of the rows that are in contact all the while; of the most, where there are more.
     """
-    since, m = path.mesh.nodes_since, held.free.system.m
+    m, start = held.free.system.m, held.start.t
+    rows = m + np.flatnonzero(held.active(np.array([start + (a + b) / 2]))[m:, 0])
+    if not rows.size:
+        return np.array([a, b]), np.zeros(2)
+    since = path.mesh.nodes_since
     times = np.concatenate([[a], since[(a < since) & (since < b)], [b]])
-    turned, t = np.zeros(times.size), times + held.start.t
-    rows = m + np.flatnonzero(held.active(t[[0]] / 2 + t[[-1]] / 2)[m:, 0])
-    if rows.size:
-        jacobian = held.system.pointwise("constraint_jacobian")
-        G = jacobian.full(0, jacobian(path(t).T, t[:, None], held.packed)[0])
-        normals = G[:, rows] * 2.0 ** measures(held.lengths)
-        normals /= np.maximum(np.linalg.norm(normals, axis=2), EPS)[:, :, None]
-        cosines = np.sum(normals[1:] * normals[:-1], axis=2)
-        angles = np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0)), axis=0)
-        turned[1:] = angles[:, np.argmax(np.nan_to_num(angles[-1]))]
+    turned, t = np.zeros(times.size), times + start
+    jacobian = held.system.pointwise("constraint_jacobian")
+    G = jacobian.full(0, jacobian(path(t).T, t[:, None], held.packed)[0])
+    normals = G[:, rows] * 2.0 ** measures(held.lengths)
+    normals /= np.maximum(np.linalg.norm(normals, axis=2), EPS)[:, :, None]
+    cosines = np.sum(normals[1:] * normals[:-1], axis=2)
+    angles = np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0)), axis=0)
+    turned[1:] = angles[:, np.argmax(np.nan_to_num(angles[-1]))]
     return times, turned
 
 
@@ -262,10 +251,17 @@ def sample_times(found: DiscretePath) -> Array:
         near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSEST_POINTS)
         f = rows_along(found, near.ravel())
         f = f.reshape(len(f), *near.shape)[i, each]
-        least = np.clip(np.argmin(f, axis=1), 1, CLOSEST_POINTS - 2)
+        least = np.argmin(f, axis=1)
+        within = (0 < least) & (least < CLOSEST_POINTS - 1)  # at an end it is among the others
+        least = np.clip(least, 1, CLOSEST_POINTS - 2)
         begin, end = near[each, least - 1], near[each, least + 1]
         # Later ones tell the least alone.
         times += [begin, near[each, least], end] if k else [near.ravel()]
+        rise = np.maximum(f[each, least - 1], f[each, least + 1]) - f[each, least]
+        left = within & (f[each, least] < rise)  # else it stays outside
+        if not left.any():
+            break
+        i, begin, end, each = i[left], begin[left], end[left], each[: np.sum(left)]
     return np.unique(np.concatenate(times))
 
 

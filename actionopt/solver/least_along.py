@@ -29,7 +29,6 @@ from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_contacts import (
     NO_ROOM,
-    check_once,
     contact_parts,
     hidden_contact_times,
     is_of_higher_order,
@@ -223,7 +222,6 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     beside = problem.advance is not None or problem.is_course
     if n == 1 or m or beside or not problem.system.structure.linear:
         return None
-    check_once(ws, mesh, None)
     free = _free_path(ws, mesh, sought=False)
     if free.index:
         return None

@@ -214,12 +214,9 @@ class Along(Workspace[Iterate]):
         mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), degree)
         if resolved:
             mesh = self.with_boundaries(path.mesh)
-        lam = (
-            self._contact_multipliers(path.on(mesh))
-            if curve
-            else self._convert_multipliers(old, path.on(mesh))
-        )
-        self.transcribe(mesh, path, lam, like=path)
+        there = path.on(mesh)
+        lam = self._contact_multipliers(there) if curve else self._convert_multipliers(old, there)
+        self.transcribe(mesh, there, lam, like=path)
 
     def as_given(self) -> bool:
         """Follow the path with the obstacle's own rows, which are zero where those sought are."""

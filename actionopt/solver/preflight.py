@@ -29,7 +29,7 @@ def check(tr: Transcription, Q: Array) -> None:
         singular (the coordinate is named), or L is not finite: along the whole path, or at an event
         (the coordinate is named).
     """
-    problem = tr.problem
+    problem = tr.problem.free  # an obstacle, whatever is in contact, is none of its constraints
     system = problem.system
     nodes = tr.mesh.nodes
     with np.errstate(all="ignore"):

@@ -35,11 +35,12 @@ from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
-from actionopt.solver.first_contacts import WEAK, check_once, lines, rows_along, runs, sample_times
+from actionopt.solver.first_contacts import WEAK, lines, rows_along, runs, sample_times
 from actionopt.solver.ipopt import minimize
 from actionopt.solver.iterate import UnfixedPath
 from actionopt.solver.least_along import SOUGHT, refine_contact
 from actionopt.solver.obstacle import FAMILY, INSIDE, KINKED, PULLING, Along
+from actionopt.solver.preflight import check
 from actionopt.tools.types import EPS, Array
 
 TOUCHED_DEGREE = 5  # of the elements on which contact is sought first; ad hoc
@@ -215,7 +216,9 @@ def find_touching(
     since = np.linspace(0.0, problem.duration, SOUGHT + 1)
     mesh = Mesh.over(problem.start.t, problem.end.t, since, TOUCHED_DEGREE)
     mesh = with_boundaries(mesh, problem.boundaries)
-    check_once(ws, mesh, None)
+    tr = Transcription(Held(problem, ()), mesh, problem.lengths)
+    check(tr, tr.straight())
+    ws.checked = True
     guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
     first: list[First] = []
     for eased in (False, True) if problem.integral else (False,):

@@ -224,7 +224,7 @@ class Rule:
 
     def _barycentric(self, xi: Array) -> Array:
         gap = xi[:, None] - self.nodes
-        hit, node = np.nonzero(gap == 0.0)
+        hit, node = (gap == 0.0).nonzero()
         gap[hit, node] = 1.0
         terms = self.barycentric / gap
         matrix = terms / terms.sum(axis=1, keepdims=True)
