@@ -18,8 +18,6 @@ from actionopt.tools.types import Array, NDInt
 if TYPE_CHECKING:
     from actionopt.mechanics.rest import Rest
 
-ALIKE = 6  # powers of two between coordinates that may be measured in one unit; ad hoc
-
 
 @immutable
 class Held(Problem):
@@ -55,7 +53,7 @@ class Held(Problem):
             object.__setattr__(self, name, getattr(free, name))
         system, span = free.system.with_contact, span or tuple(e.t for e in free.joints_found)
         if sought:
-            system = free.system.with_contact_distance(tuple(measures(free.lengths).tolist()))
+            system = free.system.with_contact_distance(tuple(free.measures.tolist()))
         told = sought and not (free.asked and free.asked.has_open_ends)
         asked = free.asked and Held(free.asked, arcs, sought=told, span=span)
         known = {"system": system, "_free": free, "arcs": arcs, "sought": sought, "span": span}
@@ -103,6 +101,11 @@ class Held(Problem):
     def scales(self) -> Array:
         """Sizes of the coordinates, (n,): those of the question."""
         return self.free.scales
+
+    @property
+    def measures(self) -> Array:
+        """Units in which distances from an obstacle are measured: those of the question."""
+        return self.free.measures
 
     @property
     def _motion(self) -> tuple[Array, Array | None]:
@@ -226,12 +229,6 @@ def contacts_of(problem: Problem) -> Held:
     """Return a problem whose contacts are known as what it is, for what asks it for these."""
     assert isinstance(problem, Held)
     return problem
-
-
-def measures(lengths: Array) -> NDInt:
-    """Return k (n,), 2^k near lengths (n,) of coordinates: the same of all, if they are alike."""
-    sizes = np.round(np.log2(lengths)).astype(int)
-    return np.full(sizes.shape, sizes.max()) if np.ptp(sizes) <= ALIKE else sizes
 
 
 def arcs_of(on: NDArray[np.bool_], boundaries: Array, offsets: NDInt) -> tuple[Arc, ...]:

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 # Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
+ALIKE = 6  # powers of two between coordinates that may be measured in one unit; ad hoc
 
 
 @immutable
@@ -661,6 +662,15 @@ class Problem:
         because the events lie that way.
         """
         return self._motion[0]
+
+    @cached_property
+    def measures(self) -> Array:
+        """Powers of two near `lengths`, (n,), the same of all if they are alike.
+
+        Units in which distances from an obstacle are measured.
+        """
+        powers = np.round(np.log2(self.lengths))
+        return 2.0 ** (np.full(powers.shape, powers.max()) if np.ptp(powers) <= ALIKE else powers)
 
     @cached_property
     def origin(self) -> Array | None:

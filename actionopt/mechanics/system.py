@@ -431,16 +431,16 @@ class System(NumericLaws):
         """Return f(q, t) of the obstacle, shape (r, K) or (r,): not negative outside of it."""
         return self.with_contact.constraint(q, t, parameters=parameters)[self.m :]
 
-    def with_contact_distance(self, sizes: tuple[int, ...]) -> System:
+    def with_contact_distance(self, sizes: tuple[float, ...]) -> System:
         """Return the system with rows of the obstacle that grow as the distance from it does.
 
         They are f / sqrt(f_q^2 - 2 min(f, 0) f_nn), f_nn being the second derivative along the
-        slope, coordinates in units of 2**sizes: the distance to first order, outside and inside.
+        slope, coordinates in units of `sizes`: the distance to first order, outside and inside.
         So a disc is found by q @ q - R**2 as it is by np.sqrt(q @ q) - R. Planes stay as they are.
         """
 
         def build() -> System:
-            q, units = self.symbols.q, ca.DM([2.0**size for size in sizes])
+            q, units = self.symbols.q, ca.DM(sizes)
             rows = []
             for f in ca.vertsplit(self.outside):
                 slope = ca.gradient(f, q) * units

@@ -18,7 +18,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held, contacts_of, measures
+from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import Principle, find
@@ -43,7 +43,7 @@ NO_ROOM = "no path outside of the obstacle was found: its rows may contradict ea
 
 def sideways(free: DiscretePath) -> Array:
     """Return a direction (n,) across a path's way, coordinates in units of `measures`."""
-    return _across((free.Q[-1] - free.Q[0]) / 2.0 ** measures(free.problem.lengths))
+    return _across((free.Q[-1] - free.Q[0]) / free.problem.measures)
 
 
 def _across(along: Array) -> Array:
@@ -68,7 +68,7 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     if n == 1:
         return [None]
     tr = Transcription(problem, mesh, problem.lengths)
-    Q, sizes = tr.straight(), 2.0 ** measures(problem.lengths)
+    Q, sizes = tr.straight(), problem.measures
     last = len(problem.joints_found) - 1
     bound = [k in (0, last) or bool(e.pinned) for k, e in enumerate(problem.joints_found)]
     joints = tr.joints[bound]  # the others are passed wherever the line is then
@@ -149,7 +149,7 @@ def other_sides(found: DiscretePath) -> list[Path]:
     if held.system.n == 1:
         return []
     arcs, parameters = contact_parts(found), held.parameters
-    sizes = 2.0 ** measures(held.lengths)
+    sizes = held.measures
     for arc in arcs:
         events = [e.t for e in held.joints_found]
         a = max(t for t in (*(x.end for x in arcs), *events) if t < arc.begin or t == events[0])
@@ -210,7 +210,7 @@ def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Arr
     turned, t = np.zeros(times.size), times + start
     jacobian = held.system.pointwise("constraint_jacobian")
     G = jacobian.full(0, jacobian(path(t).T, t[:, None], held.packed)[0])
-    normals = G[:, rows] * 2.0 ** measures(held.lengths)
+    normals = G[:, rows] * held.measures
     normals /= np.maximum(np.linalg.norm(normals, axis=2), EPS)[:, :, None]
     cosines = np.sum(normals[1:] * normals[:-1], axis=2)
     angles = np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0)), axis=0)
@@ -252,7 +252,7 @@ def sample_times(found: DiscretePath) -> Array:
         f = rows_along(found, near.ravel())
         f = f.reshape(len(f), *near.shape)[i, each]
         least = np.argmin(f, axis=1)
-        within = (0 < least) & (least < CLOSEST_POINTS - 1)  # at an end it is among the others
+        within = (least > 0) & (least < CLOSEST_POINTS - 1)  # at an end it is among the others
         least = np.clip(least, 1, CLOSEST_POINTS - 2)
         begin, end = near[each, least - 1], near[each, least + 1]
         # Later ones tell the least alone.
@@ -278,7 +278,7 @@ def is_of_higher_order(found: DiscretePath) -> bool:
     told, given = (
         x.constraint_jacobian(found.Q.T, t, parameters=held.parameters) for x in (held.system, own)
     )
-    slopes = np.linalg.norm(told * 2.0 ** measures(held.lengths)[:, None], axis=1)
+    slopes = np.linalg.norm(told * held.measures[:, None], axis=1)
     for i, row in enumerate(held.active(t) & np.isfinite(slopes)):  # none on a power's surface
         if i < held.free.system.m or not row.any() or (told[i] == given[i]).all():
             continue

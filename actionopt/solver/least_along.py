@@ -24,7 +24,7 @@ from actionopt.discrete.integrals import integrals
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held, measures
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_contacts import (
@@ -179,7 +179,7 @@ def _draw_strings(
     problem, best = ws.question, None
     if problem.system.n == 1 or problem.system.m or problem.is_course:
         return None
-    sizes, free = 2.0 ** measures(problem.lengths), _free_path(ws, mesh)
+    sizes, free = problem.measures, _free_path(ws, mesh)
     strings = Strings.round(free)
     for sign in (1.0, -1.0) if guess is None else (1.0,):
         ws.restart()
@@ -253,6 +253,8 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
 
 def _meets_another(problem: Problem, string: Path, arcs: tuple[Arc, ...]) -> bool:
     """Whether a string passes through other rows of the obstacle than those it lies on."""
+    if problem.system.r == 1:
+        return False
     f = problem.system.with_contact.constraint(
         string.values, string.mesh.nodes, parameters=problem.parameters
     )[problem.system.m :]
@@ -263,8 +265,9 @@ def _action_of(problem: Problem, path: Path) -> float:
     """Return about the action along straight lines between the nodes of a path."""
     q, t = path.values, path.mesh.nodes
     apart = np.diff(t)
-    state = (q[:, 1:] + q[:, :-1]) / 2, np.diff(q) / apart, (t[1:] + t[:-1]) / 2
-    return float(problem.system.lagrangian(*state, parameters=problem.parameters) @ apart)
+    state = (q[:, 1:] + q[:, :-1]).T / 2, (np.diff(q) / apart).T, (t[1:, None] + t[:-1, None]) / 2
+    L = problem.system.pointwise("value")(*state, problem.packed)[0]
+    return float(L[:, 0] @ apart)
 
 
 def _both_sides(ws: Along, mesh: Mesh, first: list[Iterate]) -> list[Iterate]:

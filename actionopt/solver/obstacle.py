@@ -34,7 +34,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import CHORDS, CONTRACTION
 from actionopt.discrete.path import Path
-from actionopt.mechanics.held import Held, contacts_of, measures
+from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
@@ -375,7 +375,7 @@ class Along(Workspace[Iterate]):
         told, t = Held(self.question, self.contact_problem.arcs, sought=True), self.here.mesh.nodes
         on, n = told.active(t), told.system.n
         G = told.system.constraint_jacobian(self.here.Q.T, t, parameters=told.parameters)
-        G = G * 2.0 ** measures(told.lengths)[:, None]
+        G = G * told.measures[:, None]
         for rows in (G[on[:, k], :, k] for k in np.flatnonzero(on.any(axis=0))):
             size = np.linalg.norm(rows, axis=1)
             if size.min() < FLAT:

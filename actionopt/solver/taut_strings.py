@@ -22,7 +22,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.mechanics.held import Held, contacts_of, measures
+from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.solver.first_contacts import ACROSS, rows_along, runs, sample_times, times_between
 from actionopt.tools.lobatto import lgl
@@ -45,7 +45,7 @@ class Body:
     def __init__(self, held: Held, row: int, t: float) -> None:
         system = held.free.system.with_contact
         self.packed, self.row, self.t = held.packed, held.free.system.m + row, np.array([[t]])
-        self.sizes = 2.0 ** measures(held.lengths)
+        self.sizes = held.measures
         self.areas = np.outer(self.sizes, self.sizes)
         self.first = system.pointwise("constraint_jacobian")
         self.second = system.pointwise("constraint_curvature")
@@ -320,20 +320,12 @@ class Strings:
             return cls.round(found)
         return cls(found, t, rows)
 
-    @property
-    def sizes(self) -> Array:
-        """The units of the coordinates, (n,)."""
-        return 2.0 ** measures(self.found.problem.lengths)
-
     @cached_property
     def _motion(self) -> tuple[Array, Array, Array]:
         """Times since the start at the nodes, (K,), coordinates and velocities (K, n) there."""
-        found = self.found
-        return (
-            found.mesh.nodes_since,
-            found.Q / self.sizes,
-            found.path.velocity(found.mesh.nodes).T / self.sizes,
-        )
+        found, sizes = self.found, self.found.problem.measures
+        v = found.path.velocity(found.mesh.nodes).T
+        return found.mesh.nodes_since, found.Q / sizes, v / sizes
 
     def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
         """Return the `Ways` between two places; None where the path has no node between."""
@@ -347,8 +339,9 @@ class Strings:
         None if the path passes through nothing, or through what has no edge to that side, such as a
         plane. The `side` is a direction (n,) at a time, coordinates in units of their `measures`.
         """
-        found, sizes, held = self.found, self.sizes, contacts_of(self.found.problem)
+        found, held = self.found, contacts_of(self.found.problem)
         start, duration, none = held.start.t, held.duration, np.zeros((1, held.system.n))
+        sizes = held.measures
         degree = max(found.mesh.degrees)
         passed = sorted((k, l, i) for i, row in enumerate(self.rows < 0) for k, l in runs(row))
         # What is known of contacts so far: when, and how far from the path; first where it enters.
@@ -396,16 +389,17 @@ class WayOut:
     ----------
     strings : Strings
         Those round what the path passes through.
-    t : float
-        When it is there.
+    t, q : float and (n,) array
+        When and where it is there, coordinates in units of their `measures`.
     body : Body
         The row that it is inside of.
     normal : (n,) array
-        The body's normal there, coordinates in units of their `measures`.
+        The body's normal there, in the same units.
     """
 
     strings: Strings
     t: float
+    q: Array
     body: Body
     normal: Array
 
@@ -424,8 +418,8 @@ class WayOut:
             lowest = (t[k - 1] + t[k] - slope[0] / max(bend, EPS)) / 2
             deepest = np.clip([lowest], t[k - 1], t[k + 1])
         body = Body(contacts_of(found.problem), int(i), float(deepest[0]))
-        normal = body.normals(found.path(deepest).T / body.sizes)[0]
-        return cls(strings, float(deepest[0]), body, normal)
+        q = found.path(deepest).T / body.sizes
+        return cls(strings, body.t.item(), q[0], body, body.normals(q)[0])
 
     def within(self, sides: Array) -> Path | None:
         """Return a path that is just inside of the body's nearest edge straight to `sides` (k, n).
@@ -433,13 +427,12 @@ class WayOut:
         Paths past all of those edges are longer. None if there is no edge.
         """
         found, sizes = self.strings.found, self.body.sizes
-        start, duration, here = found.problem.start.t, found.problem.duration, found.path(self.t)
-        here = here / sizes
-        reach = self.body.reach(here, sides)
+        start, duration = found.problem.start.t, found.problem.duration
+        reach = self.body.reach(self.q, sides)
         nearest = int(np.argmin(reach))
         if not reach[nearest] < np.inf:
             return None
-        there = here + reach[nearest] * sides[nearest]
+        there = self.q + reach[nearest] * sides[nearest]
         ways = self.strings.ways(*((t, np.zeros(sizes.size)) for t in (0.0, duration)))
         assert ways is not None
         when = ways.passing(there[None], there[None], 0.0)[0][0]
@@ -451,6 +444,8 @@ class WayOut:
     def other_sides(self, first: Array) -> Array:
         """Return directions (k, n) across the path: the farther way, and to `first` and beyond."""
         n, sizes = self.normal.size, self.body.sizes
+        if n == 2:
+            return -self.normal[None]
         ahead = self.strings.found.path.velocity(self.t) / sizes
         axes = np.linalg.qr(np.column_stack([ahead, self.normal, first, np.eye(n)]))[0][:, 2:].T
         return np.concatenate([[-self.normal], axes, -axes])
