@@ -144,6 +144,17 @@ def test_a_beam_lies_on_a_floor(tmp_path):
 
 
 @pytest.mark.long
+@pytest.mark.long
+@pytest.mark.parametrize("unit", [1e-4, 1e6])
+def test_a_beam_lies_on_a_floor_in_any_unit_of_its_height(unit):
+    law = lambda q, v, a, t: (a[0] / unit) ** 2 / 2 + 2000 * q[0] / unit  # noqa: E731
+    beam = ao.System(law, ["y"], obstacle=lambda q, t: q[0])
+    found, first = between(beam, ([unit], [0.0]), ([unit], [0.0]), 1.0), free_length(2000.0)
+    (arc,) = found.contacts
+    assert (arc.begin, arc.end) == pytest.approx((first, 1 - first), abs=1e-11)
+    assert found.action == pytest.approx(action_of_beam(2000.0), rel=1e-12)
+
+
 def test_variations_move_the_moment():
     """The lowest mode turns the beam where it touches, held there by nu / f'' as by a spring."""
     found, h, nu, bent = lying(600.0), 0.5, 108.0, 11.5

@@ -268,8 +268,9 @@ class Action:
         if not system.m:
             return unit, np.ones(0)
         layout = self.layout
-        nodes = self.mesh.nodes[layout.row_nodes][:, None]
-        G = system.pointwise("constraint_jacobian")(Q[layout.row_nodes], nodes, problem.packed)[0]
+        on = layout.row_nodes if layout.rows else slice(None)  # of rows that are not in contact
+        nodes = self.mesh.nodes[on][:, None]
+        G = system.pointwise("constraint_jacobian")(Q[on], nodes, problem.packed)[0]
         sizes = np.zeros(system.m)
         largest = np.max(np.abs(G), axis=0, initial=0.0, where=np.isfinite(G))
         np.maximum.at(sizes, layout.G_rows, largest * self.lengths[layout.G_cols])
