@@ -329,9 +329,9 @@ class Strings:
 
     def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
         """Return the `Ways` between two places; None where the path has no node between."""
-        since = self._motion[0]
-        inner = (before[0] < since) & (since < behind[0])
-        return Ways(*(x[inner] for x in self._motion), before, behind) if inner.any() else None
+        since, q, v = self._motion
+        at = (before[0] < since) & (since < behind[0])
+        return Ways(since[at], q[at], v[at], before, behind) if at.any() else None
 
     def drawn(self, side: Callable[[float], Array]) -> tuple[Path, tuple[Arc, ...]] | None:
         """Return the path along a taut string, and its contacts.
