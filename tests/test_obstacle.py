@@ -15,6 +15,7 @@ import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
 from actionopt.discrete.borders import times_of
+from actionopt.discrete.transcription import Transcription
 from actionopt.families.obstacle_search import curves
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
@@ -1212,6 +1213,17 @@ def test_the_action_of_a_polygon_is_that_along_its_sides():
     polygon = ao.Path(ao.Mesh([0.0, 1.0, 3.0], 1), np.array([[0.0, 1.0, 2.0], [0.0, 4.0, 1.0]]))
     exact = (1 + 16) / 2 + (1 + 9) / 4 - 10.31 * 2 - 2 * 11.81 * 2.5  # by its middles
     assert least_along._action_of(problem, polygon) == pytest.approx(exact, rel=1e-14)
+
+
+def test_of_linear_forces_no_momentum_is_missed_beside_an_obstacle():
+    """Of a long coordinate its round-off, in units of short ones, was: 512 elements at 1e-12."""
+    names = [f"x{k}" for k in range(20)]
+    driven = lambda q, v, t: v @ v / 2 + q[1] * np.cos(3 * t) / 2  # noqa: E731
+    system = ao.System(driven, names, obstacle=lambda q, t: q @ q - 1e-4)
+    first = np.where(np.arange(20) == 0, -1.0, 0.05)
+    problem = Held(ao.Problem(system, ao.Event(0, first), ao.Event(2, -first)), ())
+    tr = Transcription(problem, ao.Mesh.uniform(0, 2, 8, 12), problem.lengths)
+    assert tr.quadrature_defect(tr.pack(tr.straight()))[1] == 0.0
 
 
 def test_first_curves_round_an_obstacle_go_to_all_sides():

@@ -102,7 +102,7 @@ def quadrature_defect(
     at, work = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
     whole = np.bincount(at, work, tr.layout.node_count * tr.layout.width)
     drift = 0.0
-    structure = tr.problem.system.structure
+    structure = tr.problem.free.system.structure  # an obstacle adds nothing to these forces
     # Beside a singular end inertias and momenta are as large as one likes.
     freed = tr.order == 1 and not any(tr.mesh.singular_ends)
     if structure.samples and not structure.linear and freed:
