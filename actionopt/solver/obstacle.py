@@ -70,6 +70,7 @@ SETTLED_SHARE, SETTLED_STEPS = 1e-3, (1e-13, 1e-9)
 # Measured round balls: less leaves out 3e-9, and another mesh takes a third of the time. Beams with
 # accelerations lost their contacts with it.
 FINE_TOL, FINE_DEGREE = 1e-8, 8
+RATE_DOUBT = 10.0  # times the ratio of two steps, that of the next: measured up to 8
 # Steps of the times of contact are round-off if two, shorter than this part of the duration, do not
 # contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
 # 72 walls of 1:100.
@@ -330,7 +331,7 @@ class Along(Workspace[Iterate]):
             self._shift(times, part * step)
             self.here = self.here.moved(here.z + part * move)
             contraction = min(size / last, 1.0) if last < np.inf else contraction
-            if size * contraction < settled:
+            if RATE_DOUBT * size * contraction < settled:
                 return True
             if part < 1.0 or (simplified and size * contraction**CHORDS > settled):
                 matrix = None
