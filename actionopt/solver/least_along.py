@@ -189,7 +189,7 @@ def _draw_strings(
             away = sign * sideways(free) if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
-        string = strings.drawn(side)
+        string = strings.draw(side)
         if string is None:
             continue
         status = refine_contact(ws, tol, string[1], string[0])
@@ -236,7 +236,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     for side in (out.normal, -out.normal) if n == 2 else (out.normal,):
         if best and far > best[0].here.action:
             return best
-        string = out.strings.drawn(lambda _, side=side: side)
+        string = out.strings.draw(lambda _, side=side: side)
         if string is None or len(string[1]) != 1 or _meets_another(problem, *string):
             return best and (*best[:2], False)
         if n > 2 and far < _action_of(problem, string[0]):

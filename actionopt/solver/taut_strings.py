@@ -333,7 +333,7 @@ class Strings:
         at = (before[0] < since) & (since < behind[0])
         return Ways(since[at], q[at], v[at], before, behind) if at.any() else None
 
-    def drawn(self, side: Callable[[float], Array]) -> tuple[Path, tuple[Arc, ...]] | None:
+    def draw(self, side: Callable[[float], Array]) -> tuple[Path, tuple[Arc, ...]] | None:
         """Return the path along a taut string, and its contacts.
 
         None if the path passes through nothing, or through what has no edge to that side, such as a
