@@ -7,7 +7,7 @@ import numpy as np
 from actionopt.discrete.action import Action
 from actionopt.discrete.blocks import in_parts
 from actionopt.discrete.mesh import Group
-from actionopt.tools.types import Array
+from actionopt.tools.types import Array, NDInt
 
 
 def kkt(tr: Action, z: Array) -> Array:
@@ -18,19 +18,25 @@ def kkt(tr: Action, z: Array) -> Array:
     if tr.order > 1:
         return _of_higher_order(tr, _second(tr, z, A, B, C), x)
     constant = tr.problem.system.structure.constant_mass  # then the kinetic part is kept
-    stiff = tr.memoize_if_constant("blocks", lambda: _stiff(tr, C)) if constant else []
-    mass = C if constant else _mass(tr, C)
-    slopes = [(_full(tr, "second", 0, A), _full(tr, "second", 1, B), True)]
+    given = [("second", A, B)]
     if tr.problem.system.structure.forced:
-        Fq, Fv = (_full(tr, "force_jacobian", k, F) for k, F in enumerate(tr.forces(x)))
-        slopes.append((Fq, Fv, False))
+        given.append(("force_jacobian", *tr.forces(x)))
+    large = layout.blocks.large
+    if not large:
+        stiff = tr.memoize_if_constant("blocks", lambda: _stiff(tr, C)) if constant else []
+        mass = C if constant else _mass(tr, C)
+        slopes = [
+            (_full(tr, name, 0, a), _full(tr, name, 1, b), name == "second") for name, a, b in given
+        ]
     at_nodes = _constraints(tr, z) if layout.rows else None
     nonzeros = np.zeros(layout.blocks.count)
     elements, between = layout.blocks.split(nonzeros)
     for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
         points = g.rule.degree + 1
         whole = whole.reshape(len(whole), points, layout.blocks.width, points, -1)
-        for some in in_parts(len(whole), (points * n) ** 2):
+        if large:
+            _scatter(tr, k, whole, C, given)
+        for some in () if large else in_parts(len(whole), (points * n) ** 2):
             first = g.span.start
             span = slice(first + some.start * points, first + min(some.stop, len(whole)) * points)
             half = tr.halves[k][some]
@@ -49,9 +55,9 @@ def kkt(tr: Action, z: Array) -> Array:
                 if a is not None:
                     same += (tr.weight[span][:, :, None] * a[span]).reshape(-1, points, n, n)
             M[:, :, :n, :, :n] = pairs.transpose(0, 1, 3, 2, 4)
-            if at_nodes is not None:
-                inner = np.einsum("ejajb->ejab", M)[:, 1:-1]  # each node with itself: a view
-                inner += at_nodes[g.nodes[some, 1:-1]]
+        if at_nodes is not None:
+            inner = np.einsum("ejajb->ejab", whole)[:, 1:-1]  # each node with itself: a view
+            inner += at_nodes[g.nodes[:, 1:-1]]
     if layout.closed:
         _close(tr, elements)
     if at_nodes is not None:
@@ -79,13 +85,50 @@ def kinetic(tr: Action, z: Array) -> Array:
         return _of_higher_order(tr, L)
     nonzeros = np.zeros(layout.blocks.count)
     elements, _ = layout.blocks.split(nonzeros)
-    for whole, pairs in zip(elements, _stiff(tr, tr.second(z[: layout.unknowns])[2]), strict=True):
-        points = pairs.shape[1]
+    C, large = tr.second(z[: layout.unknowns])[2], layout.blocks.large
+    stiff = [] if large else _stiff(tr, C)
+    for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
+        points = g.rule.degree + 1
         whole = whole.reshape(len(whole), points, layout.blocks.width, points, -1)
-        whole[:, :, :n, :, :n] = pairs.transpose(0, 1, 3, 2, 4)
+        if large:
+            _scatter(tr, k, whole, C, [])
+        else:
+            whole[:, :, :n, :, :n] = stiff[k].transpose(0, 1, 3, 2, 4)
     if layout.closed:
         _close(tr, elements)
     return nonzeros
+
+
+def _scatter(
+    tr: Action, group: int, whole: Array, C: Array, given: list[tuple[str, Array, Array]]
+) -> None:
+    """Put second derivatives in large elements (E, d + 1, f, d + 1, f), one after the other.
+
+    C as `Action.second` has it; of the functions `given`, their nonzeros by q and by v. Two nodes
+    are coupled by few of the coordinates mostly, and what is zero is not touched.
+    """
+    g, n, pointwise = tr.layout.groups[group], tr.problem.system.n, tr.problem.system.pointwise
+    points = g.rule.degree + 1
+
+    def scaled(name: str, output: int, values: Array) -> tuple[NDInt, NDInt, Array]:
+        row, col = pointwise(name).sparsity(output)
+        return row, col, values * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
+
+    for e, M in enumerate(whole):
+        span = slice(g.span.start + e * points, g.span.start + (e + 1) * points)
+        row, col, mass = scaled("second", 2, C[span])
+        pairs = (g.rule.stiffness @ (mass / tr.halves[group][e])).reshape(points, points, -1)
+        M[:, row, :, col] = M[:, col, :, row] = pairs.transpose(2, 0, 1)
+        for name, a, b in given:
+            row, col, mixed = scaled(name, 1, b[span])
+            mixed = g.rule.weighted_derivative[:, :, None] * mixed[:, None]
+            M[:, row, :, col] += mixed.transpose(2, 0, 1)
+            if name == "second":
+                M[:, col, :, row] += mixed.transpose(2, 1, 0)
+            full = _full(tr, name, 0, a[span])
+            if full is not None:
+                same = np.einsum("aiaj->aij", M)  # a node with itself: a view
+                same[:, :n, :n] += tr.weight[span][:, :, None] * full
 
 
 def _second(tr: Action, z: Array, A: Array, B: Array, C: Array) -> Array:

@@ -67,6 +67,8 @@ class Blocks:
         Place of each unknown and row among the K f of all nodes.
     closed : sequence of int
         Of a closed path, the first node's coordinate that each of the last node's is, (n,).
+    symmetric : bool
+        Whether all matrices are: there are no non-conservative forces.
     """
 
     def __init__(
@@ -78,13 +80,18 @@ class Blocks:
         node_of: NDInt,
         places: NDInt,
         closed: Sequence[int] = (),
+        *,
+        symmetric: bool,
     ) -> None:
+        self.symmetric = symmetric
         self.coordinates, self.width = coordinates, coordinates + rows
         f = self.width
         self.groups, self.offsets, self.places = groups, offsets, places
         self.closed = np.array(closed, dtype=np.intp)
         self.nodes = int(offsets[-1]) + 1
         self.shapes = [(*g.nodes.shape, f) for g in groups]
+        # One element takes the memory at hand: no other one is copied, or worked at, beside it.
+        self.large = max((nodes * f) ** 2 for _, nodes, f in self.shapes) > AT_HAND
         used = np.zeros((self.nodes, f), dtype=bool)
         used.ravel()[places] = True
         used[-1, : self.closed.size] |= used[0, self.closed]
@@ -265,7 +272,9 @@ class Condensed:
         U, V = np.empty((2, len(D) - 1, f, f))  # to the right of D, and below it
         self.inner: list[_Inner] = []
         for M, g, absent in zip(elements, blocks.groups, blocks.absent_inside, strict=True):
-            inner = _Inner(M, f, definite, absent)
+            inner = _Inner(
+                M, f, absent, definite=definite, symmetric=blocks.symmetric, large=blocks.large
+            )
             self.inner.append(inner)
             S = inner.end_blocks
             D[g.elements] += S[:, f:, f:]
@@ -372,7 +381,7 @@ class Condensed:
         """
         found, f = [], self.blocks.width
         for inner, given in zip(self.inner, ends, strict=True):
-            local = np.zeros((*inner.W.shape[:2], given.shape[3]))
+            local = np.zeros((*inner.shape, given.shape[3]))
             local[:, -2 * f : -f], local[:, -f:] = given[:, 1], given[:, 0]
             inner.substitute(local)
             inside = local[:, : inner.places].reshape(len(local), -1, *given.shape[2:])
@@ -388,7 +397,7 @@ class Condensed:
         blocks, f = self.blocks, self.blocks.width
         between, eliminated = full[blocks.offsets], []
         for inner, g in zip(self.inner, blocks.groups, strict=True):
-            local = np.zeros((*inner.W.shape[:2], full.shape[2]))
+            local = np.zeros((*inner.shape, full.shape[2]))
             inside = full[g.nodes[:, 1:-1]]
             local[:, : inner.places] = inside.reshape(len(inside), inner.places, full.shape[2])
             inner.eliminate(local, rows=rows)
@@ -416,70 +425,147 @@ class Condensed:
         return [*pivots, *(level.pivot for level in self.levels), self.last]
 
 
+@immutable
+class _Part:
+    """Places inside all elements of one degree that are eliminated at once.
+
+    `pivot` (E, c, c), its `inverse`, `right` (E, c, k), the inverse times the columns that are
+    left, and `below` (E, k, c), the pivot's columns in the rows that are left; None where the
+    matrix is symmetric and `right` tells them.
+    """
+
+    at: slice
+    pivot: Array
+    inverse: Array
+    right: Array
+    below: Array | None
+
+    def eliminate(self, local: Array, *, rows: bool) -> None:
+        """Take the part out of right sides (E, p + 2 f, c), or out of `rows` beside the matrix."""
+        y, rest = local[:, self.at], local[:, self.at.stop :]
+        solved = y if rows else self.inverse @ y
+        if rows or self.below is None:
+            rest -= self.right.transpose(0, 2, 1) @ y
+        else:
+            rest -= self.below @ solved
+        local[:, self.at] = solved
+
+
 class _Inner:
     """The places inside all elements of one degree, eliminated in parts.
 
     Attributes
     ----------
-    W : (E, p + 2 f, p + 2 f) array
-        The p places inside come first, then those of the last node and those of the first. A
-        part's rows hold the pivot, and right of it the inverse times the columns that are left;
-        below the pivot stand its columns in the rows that are left.
     places : int
         p.
-    parts : list of (slice, (E, c, c) array)
-        The places of each part, and the pivot's inverse.
+    shape : (int, int)
+        E and p + 2 f: the p places inside come first, then those of the last node and those of
+        the first.
+    parts : list of _Part
+    end_blocks : (E, 2 f, 2 f) array
+        Schur's complement at the last and the first node.
     """
 
-    def __init__(self, M: Array, f: int, definite: bool, absent: NDArray[np.bool_] | None) -> None:
-        W = self.W = np.empty_like(M)
-        W[:, :-f, :-f], W[:, :-f, -f:] = M[:, f:, f:], M[:, f:, :f]
-        W[:, -f:, :-f], W[:, -f:, -f:] = M[:, :f, f:], M[:, :f, :f]
-        self.places = W.shape[1] - 2 * f
+    def __init__(
+        self,
+        M: Array,
+        f: int,
+        absent: NDArray[np.bool_] | None,
+        *,
+        definite: bool,
+        symmetric: bool,
+        large: bool,
+    ) -> None:
+        self.shape = M.shape[:2]
+        self.places = places = M.shape[1] - 2 * f
+        size = max(PLACES_AT_ONCE // f, 1) * f
+        cuts = [*range(0, places, size), places]
+        ats = [slice(*pair) for pair in zip(cuts[:-1], cuts[1:], strict=True)]
+        if large:
+            self._one_by_one(M, f, absent, ats, definite, symmetric)
+            return
+        W = np.empty_like(M)
+        _put_inside_first(M, f, W)
         if absent is not None:
             e, k = absent.nonzero()
             W[e, k, k] = 1.0
-        self.parts: list[tuple[slice, Array]] = []
-        size = max(PLACES_AT_ONCE // f, 1) * f
-        for first in range(0, self.places, size):
-            part = slice(first, min(first + size, self.places))
-            rest = slice(part.stop, None)
-            pivot = W[:, part, part]
+        self.parts: list[_Part] = []
+        for at in ats:
+            rest = slice(at.stop, None)
+            pivot = W[:, at, at]
             if definite:
                 np.linalg.cholesky(pivot)
             inverse = np.linalg.inv(pivot)
-            self.parts.append((part, inverse))
-            for some in in_parts(len(W), (W.shape[1] - part.stop) ** 2):
-                W[some, part, rest] = inverse[some] @ W[some, part, rest]
-                W[some, rest, rest] -= W[some, rest, part] @ W[some, part, rest]
+            self.parts.append(_Part(at, pivot, inverse, W[:, at, rest], W[:, rest, at]))
+            for some in in_parts(len(W), (W.shape[1] - at.stop) ** 2):
+                W[some, at, rest] = inverse[some] @ W[some, at, rest]
+                W[some, rest, rest] -= W[some, rest, at] @ W[some, at, rest]
+        self.end_blocks = W[:, places:, places:]
 
-    @property
-    def end_blocks(self) -> Array:
-        """Schur's complement at the last and the first node, (E, 2 f, 2 f)."""
-        return self.W[:, self.places :, self.places :]
+    def _one_by_one(
+        self,
+        M: Array,
+        f: int,
+        absent: NDArray[np.bool_] | None,
+        ats: list[slice],
+        definite: bool,
+        symmetric: bool,
+    ) -> None:
+        """Eliminate in large elements, of which one is copied at a time, and kept what is needed.
+
+        Of a symmetric one the blocks right of the diagonal: half the work, half the memory.
+        """
+        E, width = self.shape
+        W = np.empty((width, width))
+        self.end_blocks = np.empty((E, 2 * f, 2 * f))
+        self.parts = []
+        for at in ats:
+            c, left = at.stop - at.start, width - at.stop
+            pivots, below = np.empty((2, E, c, c)), None if symmetric else np.empty((E, left, c))
+            self.parts.append(_Part(at, *pivots, np.empty((E, c, left)), below))
+        for e, matrix in enumerate(M):
+            _put_inside_first(matrix, f, W)
+            if absent is not None:
+                k = absent[e].nonzero()[0]
+                W[k, k] = 1.0
+            for number, part in enumerate(self.parts):
+                at, right = part.at, part.right[e]
+                part.pivot[e] = W[at, at]
+                if definite:
+                    np.linalg.cholesky(W[at, at])
+                part.inverse[e] = np.linalg.inv(W[at, at])
+                np.matmul(part.inverse[e], W[at, at.stop :], out=right)
+                if part.below is not None:
+                    part.below[e] = W[at.stop :, at]
+                for rows in [*ats[number + 1 :], slice(self.places, None)]:
+                    first = rows.start if symmetric else at.stop
+                    below = W[at, rows].T if symmetric else W[rows, at]
+                    W[rows, first:] -= below @ right[:, first - at.stop :]
+            self.end_blocks[e] = W[self.places :, self.places :]
 
     @property
     def pivots(self) -> list[Array]:
         """The pivots (E, c, c) of the parts."""
-        return [self.W[:, part, part] for part, _ in self.parts]
+        return [part.pivot for part in self.parts]
 
     def eliminate(self, local: Array, *, rows: bool = False) -> None:
         """Put in place of the right sides (E, p + 2 f, c) those of the ends, others zero there.
 
         Or of `rows` beside the matrix.
         """
-        for part, inverse in self.parts:
-            if rows:
-                beside = self.W[:, part, part.stop :].transpose(0, 2, 1)
-            else:
-                local[:, part] = inverse @ local[:, part]
-                beside = self.W[:, part.stop :, part]
-            local[:, part.stop :] -= beside @ local[:, part]
+        for part in self.parts:
+            part.eliminate(local, rows=rows)
 
     def substitute(self, local: Array) -> None:
         """Put the solution inside in its place, that of the ends given."""
-        for part, _ in reversed(self.parts):
-            local[:, part] -= self.W[:, part, part.stop :] @ local[:, part.stop :]
+        for part in reversed(self.parts):
+            local[:, part.at] -= part.right @ local[:, part.at.stop :]
+
+
+def _put_inside_first(M: Array, f: int, W: Array) -> None:
+    """Copy elements (..., s, s) with the places of the first node behind all others."""
+    W[..., :-f, :-f], W[..., :-f, -f:] = M[..., f:, f:], M[..., f:, :f]
+    W[..., -f:, :-f], W[..., -f:, -f:] = M[..., :f, f:], M[..., :f, :f]
 
 
 @immutable

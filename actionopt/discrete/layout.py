@@ -267,7 +267,9 @@ class Layout(MatrixLayout):
         node, coordinate = np.divmod(self.free, n)
         rows = self.row_node * f + n + self.row_constraint
         places = np.concatenate([node * f + coordinate, rows])
-        return Blocks(n, f - n, self.groups, self.offsets, self.node_of, places, self.closed)
+        symmetric = not self.system.structure.forced
+        parts = self.groups, self.offsets, self.node_of, places, self.closed
+        return Blocks(n, f - n, *parts, symmetric=symmetric)
 
     def add(self, nonzeros: Array, places: NDInt, matrix: Array) -> None:
         """Add a matrix (k, k) to the nonzeros of K for unknowns of one of the `nodal` nodes."""
