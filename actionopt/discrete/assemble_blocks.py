@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.discrete.action import Action
-from actionopt.discrete.blocks import in_parts
+from actionopt.discrete.blocks import Coupled, in_parts
 from actionopt.discrete.mesh import Group
 from actionopt.tools.types import Array, NDInt
 
@@ -21,8 +21,7 @@ def kkt(tr: Action, z: Array) -> Array:
     given = [("second", A, B)]
     if tr.problem.system.structure.forced:
         given.append(("force_jacobian", *tr.forces(x)))
-    large = layout.blocks.large
-    if not large:
+    if layout.blocks.across is None:
         stiff = tr.memoize_if_constant("blocks", lambda: _stiff(tr, C)) if constant else []
         mass = C if constant else _mass(tr, C)
         slopes = [
@@ -32,11 +31,14 @@ def kkt(tr: Action, z: Array) -> Array:
     nonzeros = np.zeros(layout.blocks.count)
     elements, between = layout.blocks.split(nonzeros)
     for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
+        if isinstance(whole, Coupled):
+            _couple(tr, k, whole, C, given)
+            if at_nodes is not None:
+                whole.nodal[:, 1:-1] += at_nodes[g.nodes[:, 1:-1]]
+            continue
         points = g.rule.degree + 1
         whole = whole.reshape(len(whole), points, layout.blocks.width, points, -1)
-        if large:
-            _scatter(tr, k, whole, C, given)
-        for some in () if large else in_parts(len(whole), (points * n) ** 2):
+        for some in in_parts(len(whole), (points * n) ** 2):
             first = g.span.start
             span = slice(first + some.start * points, first + min(some.stop, len(whole)) * points)
             half = tr.halves[k][some]
@@ -85,50 +87,50 @@ def kinetic(tr: Action, z: Array) -> Array:
         return _of_higher_order(tr, L)
     nonzeros = np.zeros(layout.blocks.count)
     elements, _ = layout.blocks.split(nonzeros)
-    C, large = tr.second(z[: layout.unknowns])[2], layout.blocks.large
-    stiff = [] if large else _stiff(tr, C)
+    C = tr.second(z[: layout.unknowns])[2]
+    stiff = _stiff(tr, C) if layout.blocks.across is None else []
     for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
+        if isinstance(whole, Coupled):
+            _couple(tr, k, whole, C, [])
+            continue
         points = g.rule.degree + 1
         whole = whole.reshape(len(whole), points, layout.blocks.width, points, -1)
-        if large:
-            _scatter(tr, k, whole, C, [])
-        else:
-            whole[:, :, :n, :, :n] = stiff[k].transpose(0, 1, 3, 2, 4)
+        whole[:, :, :n, :, :n] = stiff[k].transpose(0, 1, 3, 2, 4)
     if layout.closed:
         _close(tr, elements)
     return nonzeros
 
 
-def _scatter(
-    tr: Action, group: int, whole: Array, C: Array, given: list[tuple[str, Array, Array]]
+def _couple(
+    tr: Action, group: int, whole: Coupled, C: Array, given: list[tuple[str, Array, Array]]
 ) -> None:
-    """Put second derivatives in large elements (E, d + 1, f, d + 1, f), one after the other.
+    """Put second derivatives in large elements of one degree.
 
-    C as `Action.second` has it; of the functions `given`, their nonzeros by q and by v. Two nodes
-    are coupled by few of the coordinates mostly, and what is zero is not touched.
+    C as `Action.second` has it; of the functions `given`, their nonzeros by q and by v.
     """
-    g, n, pointwise = tr.layout.groups[group], tr.problem.system.n, tr.problem.system.pointwise
-    points = g.rule.degree + 1
+    g, system = tr.layout.groups[group], tr.problem.system
+    (E, points), n, known = g.nodes.shape, system.n, whole.row * tr.layout.blocks.width + whole.col
 
-    def scaled(name: str, output: int, values: Array) -> tuple[NDInt, NDInt, Array]:
-        row, col = pointwise(name).sparsity(output)
-        return row, col, values * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
+    def scaled(name: str, output: int, values: Array) -> tuple[Array, NDInt, NDInt]:
+        row, col = system.pointwise(name).sparsity(output)
+        values = values[g.span] * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
+        pairs = (r * tr.layout.blocks.width + c for r, c in ((row, col), (col, row)))
+        return values.reshape(E, points, -1), *(np.searchsorted(known, p) for p in pairs)
 
-    for e, M in enumerate(whole):
-        span = slice(g.span.start + e * points, g.span.start + (e + 1) * points)
-        row, col, mass = scaled("second", 2, C[span])
-        pairs = (g.rule.stiffness @ (mass / tr.halves[group][e])).reshape(points, points, -1)
-        M[:, row, :, col] = M[:, col, :, row] = pairs.transpose(2, 0, 1)
-        for name, a, b in given:
-            row, col, mixed = scaled(name, 1, b[span])
-            mixed = g.rule.weighted_derivative[:, :, None] * mixed[:, None]
-            M[:, row, :, col] += mixed.transpose(2, 0, 1)
-            if name == "second":
-                M[:, col, :, row] += mixed.transpose(2, 1, 0)
+    mass, there, back = scaled("second", 2, C)
+    pairs = (g.rule.stiffness @ (mass / tr.halves[group])).reshape(E, points, points, -1)
+    whole.across[..., there] = whole.across[..., back] = pairs
+    for name, a, b in given:
+        mixed, there, back = scaled(name, 1, b)
+        mixed = g.rule.weighted_derivative[:, :, None] * mixed[:, :, None]
+        whole.across[..., there] += mixed
+        if name == "second":
+            whole.across[..., back] += mixed.swapaxes(1, 2)
+        for e in range(E):
+            span = slice(g.span.start + e * points, g.span.start + (e + 1) * points)
             full = _full(tr, name, 0, a[span])
             if full is not None:
-                same = np.einsum("aiaj->aij", M)  # a node with itself: a view
-                same[:, :n, :n] += tr.weight[span][:, :, None] * full
+                whole.nodal[e, :, :n, :n] += tr.weight[span][:, :, None] * full
 
 
 def _second(tr: Action, z: Array, A: Array, B: Array, C: Array) -> Array:

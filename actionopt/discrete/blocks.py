@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,12 +48,69 @@ def in_parts(count: int, numbers: int) -> Iterator[slice]:
         yield slice(first, first + few)
 
 
+def is_large(nodes: int, width: int) -> bool:
+    """Whether an element takes all the memory at hand: no other one is copied beside it."""
+    return (nodes * width) ** 2 > AT_HAND
+
+
+@immutable
+class Coupled:
+    """Large elements of one degree, of which two nodes are coupled in few places.
+
+    Attributes
+    ----------
+    across : (E, d + 1, d + 1, P) array
+        What couples the nodes a and b, by `row` and `col`.
+    nodal : (E, d + 1, f, f) array
+        What is added where a node meets itself.
+    row, col : (P,) arrays of int
+        Places of a node, all pairs that are coupled.
+    """
+
+    across: Array
+    nodal: Array
+    row: NDInt
+    col: NDInt
+
+    def __len__(self) -> int:
+        return len(self.nodal)
+
+    def put(self, element: int, whole: Array, first: int = 0) -> None:
+        """Write the matrix of an element into `whole`, ((d + 1) f, (d + 1) f), from a node on."""
+        points, f = self.nodal.shape[1:3]
+        nodes = np.roll(np.arange(points), -first)
+        whole[:] = 0.0
+        places = whole.reshape(points, f, points, f)
+        across = self.across[element][nodes[:, None], nodes]
+        places[:, self.row, :, self.col] = across.transpose(2, 0, 1)
+        same = np.einsum("aiaj->aij", places)  # a view
+        same += self.nodal[element, nodes]
+
+    def __getitem__(self, element: int) -> Array:
+        whole = np.empty((self.nodal.shape[1] * self.nodal.shape[2],) * 2)
+        self.put(element % len(self), whole)
+        return whole
+
+    def rescale(self, by: Array) -> None:
+        """Multiply rows and columns by factors (E, d + 1, f)."""
+        self.across[:] *= by[:, :, None, self.row] * by[:, None, :, self.col]
+        self.nodal[:] *= by[..., None] * by[:, :, None]
+
+    def product(self, local: Array) -> Array:
+        """Return the matrices times values (E, d + 1, f)."""
+        found = (self.nodal @ local[..., None])[..., 0]
+        across = np.einsum("eabk,ebk->eak", self.across, local[:, :, self.col])
+        np.add.at(found, (..., self.row), across)
+        return found
+
+
 class Blocks:
     """Numbering of a matrix stored in blocks.
 
     A node has f = n + m places, its coordinates first. The nonzeros of a matrix are the blocks of
     the elements, (E, (d + 1) f, (d + 1) f) for each degree, and those of the nodes between them,
-    (N + 1, f, f), one after the other; they add up.
+    (N + 1, f, f), one after the other; they add up. Of large elements, two nodes of which are
+    coupled in few places `across`, it is the parts of `Coupled`.
 
     Parameters
     ----------
@@ -69,6 +127,8 @@ class Blocks:
         Of a closed path, the first node's coordinate that each of the last node's is, (n,).
     symmetric : bool
         Whether all matrices are: there are no non-conservative forces.
+    across : (2, P) array of int, optional
+        Rows and columns of what two nodes of an element are coupled by, in order.
     """
 
     def __init__(
@@ -82,16 +142,16 @@ class Blocks:
         closed: Sequence[int] = (),
         *,
         symmetric: bool,
+        across: NDInt | None = None,
     ) -> None:
-        self.symmetric = symmetric
+        self.symmetric, self.across = symmetric, across
         self.coordinates, self.width = coordinates, coordinates + rows
         f = self.width
         self.groups, self.offsets, self.places = groups, offsets, places
         self.closed = np.array(closed, dtype=np.intp)
         self.nodes = int(offsets[-1]) + 1
         self.shapes = [(*g.nodes.shape, f) for g in groups]
-        # One element takes the memory at hand: no other one is copied, or worked at, beside it.
-        self.large = max((nodes * f) ** 2 for _, nodes, f in self.shapes) > AT_HAND
+        self.large = is_large(max(nodes for _, nodes, _ in self.shapes), f)
         used = np.zeros((self.nodes, f), dtype=bool)
         used.ravel()[places] = True
         used[-1, : self.closed.size] |= used[0, self.closed]
@@ -105,16 +165,30 @@ class Blocks:
     @cached_property
     def count(self) -> int:
         """Number of nonzeros stored."""
-        inside = sum(count * (nodes * f) ** 2 for count, nodes, f in self.shapes)
-        return inside + self.offsets.size * self.width**2
+        return sum(map(sum, self._sizes)) + self.offsets.size * self.width**2
 
-    def split(self, nonzeros: Array) -> tuple[list[Array], Array]:
-        """Return the blocks of the elements, degree by degree, and those of the nodes, as views."""
+    @cached_property
+    def _sizes(self) -> list[tuple[int, ...]]:
+        """Numbers of the elements of each degree, of each part of `Coupled`."""
+        if self.across is None:
+            return [(count * (nodes * f) ** 2,) for count, nodes, f in self.shapes]
+        pairs = self.across.shape[1]
+        return [(count * nodes**2 * pairs, count * nodes * f**2) for count, nodes, f in self.shapes]
+
+    def split(self, nonzeros: Array) -> tuple[list[Any], Array]:
+        """Return the blocks of the elements, degree by degree, and those of the nodes, as views.
+
+        Arrays, or `Coupled`.
+        """
         parts, first = [], 0
-        for count, nodes, f in self.shapes:
-            size = count * (nodes * f) ** 2
-            parts.append(nonzeros[first : first + size].reshape(count, nodes * f, nodes * f))
-            first += size
+        for (count, nodes, f), (size, *more) in zip(self.shapes, self._sizes, strict=True):
+            part, first = nonzeros[first : first + size], first + size
+            if self.across is None:
+                parts.append(part.reshape(count, nodes * f, nodes * f))
+                continue
+            nodal, first = nonzeros[first : first + more[0]], first + more[0]
+            shapes = part.reshape(count, nodes, nodes, -1), nodal.reshape(count, nodes, f, f)
+            parts.append(Coupled(*shapes, *self.across))
         return parts, nonzeros[first:].reshape(-1, self.width, self.width)
 
     def add(self, nonzeros: Array, unknowns: NDInt, matrix: Array) -> None:
@@ -153,7 +227,10 @@ class Blocks:
         elements, nodes = self.split(scaled)
         at = [*(full[g.nodes].reshape(len(g.nodes), -1) for g in self.groups), full[self.offsets]]
         for M, s in zip([*elements, nodes], at, strict=True):
-            M *= s[:, :, None] * s[:, None, :]
+            if isinstance(M, Coupled):
+                M.rescale(s.reshape(*M.nodal.shape[:3]))
+            else:
+                M *= s[:, :, None] * s[:, None, :]
         return scaled
 
     def product(self, nonzeros: Array, z: Array) -> Array:
@@ -162,7 +239,9 @@ class Blocks:
         full = self.spread(z)
         self.expand(full)
         parts = [
-            (M @ full[g.nodes].reshape(*M.shape[:2], 1)).ravel()
+            M.product(full[g.nodes]).ravel()
+            if self.across is not None
+            else (M @ full[g.nodes].reshape(*M.shape[:2], 1)).ravel()
             for M, g in zip(elements, self.groups, strict=True)
         ]
         total = np.bincount(self._scatter, np.concatenate(parts), full.size).reshape(full.shape)
@@ -207,9 +286,8 @@ class Blocks:
     def _flat(self) -> NDInt:
         """Where each nonzero stands in the full matrix, row by row; behind it what is nowhere."""
         size = self.places.size
-        numbers = self._numbers(nowhere=size * size)
-        flat = np.concatenate([(at[:, :, None] * size + at[:, None, :]).ravel() for at in numbers])
-        return np.minimum(flat, size * size)
+        flat = [(row * size + col).ravel() for row, col in self._numbers(nowhere=size * size)]
+        return np.minimum(np.concatenate(flat), size * size)
 
     def diagonal(self, values: Array) -> Array:
         """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""
@@ -218,8 +296,12 @@ class Blocks:
         i = np.arange(self.width)
         nodes[:, i, i] = full[self.offsets]
         for M, g in zip(elements, self.groups, strict=True):
+            inside = full[g.nodes[:, 1:-1]]
+            if isinstance(M, Coupled):
+                M.nodal[:, 1:-1, i, i] = inside
+                continue
             k = np.arange(self.width, M.shape[1] - self.width)
-            M[:, k, k] = full[g.nodes[:, 1:-1]].reshape(len(M), -1)
+            M[:, k, k] = inside.reshape(len(M), -1)
         return nonzeros
 
     def spread(self, z: Array) -> Array:
@@ -232,20 +314,27 @@ class Blocks:
     def targets(self) -> tuple[NDInt, NDInt]:
         """Rows and columns of all nonzeros; -1 where there is nothing."""
         rows, cols = [], []
-        for at in self._numbers(nowhere=-1):
-            row, col = np.broadcast_arrays(at[:, :, None], at[:, None, :])
+        for row, col in self._numbers(nowhere=-1):
+            row, col = np.broadcast_arrays(row, col)
             rows.append(row.ravel())
             cols.append(col.ravel())
         return np.concatenate(rows), np.concatenate(cols)
 
-    def _numbers(self, nowhere: int) -> list[NDInt]:
-        """Return the rows in the full matrix of the blocks of each degree, and of the nodes."""
+    def _numbers(self, nowhere: int) -> Iterator[tuple[NDInt, NDInt]]:
+        """Yield rows and columns in the full matrix of the nonzeros, to be broadcast, in order."""
         number = np.full(self.nodes * self.width, nowhere)
         number[self.places] = np.arange(self.places.size)
         number = number.reshape(self.nodes, -1)
         self.expand(number)
-        of_nodes = [g.nodes for g in self.groups] + [self.offsets[:, None]]
-        return [number[nodes].reshape(len(nodes), -1) for nodes in of_nodes]
+        for nodes in [*(g.nodes for g in self.groups), self.offsets[:, None]]:
+            at = number[nodes]
+            if self.across is not None and nodes.shape[1] > 1:
+                row, col = self.across
+                yield at[:, :, None, row], at[:, None, :, col]
+                yield at[..., None], at[:, :, None]
+                continue
+            at = at.reshape(len(nodes), -1)
+            yield at[:, :, None], at[:, None, :]
 
 
 class Condensed:
@@ -468,7 +557,7 @@ class _Inner:
 
     def __init__(
         self,
-        M: Array,
+        M: Array | Coupled,
         f: int,
         absent: NDArray[np.bool_] | None,
         *,
@@ -476,14 +565,15 @@ class _Inner:
         symmetric: bool,
         large: bool,
     ) -> None:
-        self.shape = M.shape[:2]
-        self.places = places = M.shape[1] - 2 * f
+        self.shape = M.shape[:2] if isinstance(M, np.ndarray) else (len(M), M.nodal.shape[1] * f)
+        self.places = places = self.shape[1] - 2 * f
         size = max(PLACES_AT_ONCE // f, 1) * f
         cuts = [*range(0, places, size), places]
         ats = [slice(*pair) for pair in zip(cuts[:-1], cuts[1:], strict=True)]
         if large:
             self._one_by_one(M, f, absent, ats, definite, symmetric)
             return
+        assert isinstance(M, np.ndarray)  # others are large
         W = np.empty_like(M)
         _put_inside_first(M, f, W)
         if absent is not None:
@@ -504,7 +594,7 @@ class _Inner:
 
     def _one_by_one(
         self,
-        M: Array,
+        M: Array | Coupled,
         f: int,
         absent: NDArray[np.bool_] | None,
         ats: list[slice],
@@ -523,8 +613,11 @@ class _Inner:
             c, left = at.stop - at.start, width - at.stop
             pivots, below = np.empty((2, E, c, c)), None if symmetric else np.empty((E, left, c))
             self.parts.append(_Part(at, *pivots, np.empty((E, c, left)), below))
-        for e, matrix in enumerate(M):
-            _put_inside_first(matrix, f, W)
+        for e in range(E):
+            if isinstance(M, Coupled):
+                M.put(e, W, first=1)
+            else:
+                _put_inside_first(M[e], f, W)
             if absent is not None:
                 k = absent[e].nonzero()[0]
                 W[k, k] = 1.0

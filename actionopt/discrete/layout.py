@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from actionopt.discrete.blocks import FULL_SIZE, Blocks
+from actionopt.discrete.blocks import FULL_SIZE, Blocks, is_large
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.element import Element, element
 from actionopt.discrete.mesh import Mesh
@@ -269,7 +269,19 @@ class Layout(MatrixLayout):
         places = np.concatenate([node * f + coordinate, rows])
         symmetric = not self.system.structure.forced
         parts = self.groups, self.offsets, self.node_of, places, self.closed
-        return Blocks(n, f - n, *parts, symmetric=symmetric)
+        large = is_large(max(g.nodes.shape[1] for g in self.groups), f)
+        across = self._across(f) if large and not self.closed and self.system.order == 1 else None
+        return Blocks(n, f - n, *parts, symmetric=symmetric, across=across)
+
+    def _across(self, f: int) -> NDInt | None:
+        """Return rows and columns of what couples nodes of an element, (2, P); None if many do."""
+        given = [("second", 2), ("second", 1)]
+        if self.system.structure.forced:
+            given.append(("force_jacobian", 1))
+        pairs = [self.system.pointwise(name).sparsity(output) for name, output in given]
+        both = [pair for row, col in pairs for pair in ((row, col), (col, row))]
+        known = np.unique(np.concatenate([row * f + col for row, col in both]))
+        return np.stack(np.divmod(known, f)) if known.size < FEW_ACROSS * f * f else None
 
     def add(self, nonzeros: Array, places: NDInt, matrix: Array) -> None:
         """Add a matrix (k, k) to the nonzeros of K for unknowns of one of the `nodal` nodes."""
@@ -454,6 +466,8 @@ class _Solvers(threading.local):
 # 1 to 10 links and lattices of 4 to 32 masses, 16 elements of degree 6: sparse factors take twice
 # the time of blocks the first time and a third later, up to this size; beyond, half and a fifth.
 BLOCK_SIZE, FILLED = 60, 0.2
+# Share of the places of a node that couple it to others, below which they alone are kept; ad hoc.
+FEW_ACROSS = 0.1
 # Coordinates and constraints up to which sparse factors take less time than blocks, if there are to
 # be many, or rows that are not in force, or the path closes. Measured: a driven oscillator of two
 # and contact in two coordinates take 12 % more in blocks, of five as much, of twelve 0.4 to 0.9.
