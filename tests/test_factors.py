@@ -339,6 +339,28 @@ def test_blocks_of_any_path_with_a_border(in_blocks, shape, kind):
             assert factors.negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
 
 
+LARGE = [("open", "plain"), ("open", "sphere"), ("open", "drag"), ("contact", "plain")]
+
+
+@pytest.mark.quick("open-sphere", "open-drag")
+@pytest.mark.parametrize(("shape", "kind"), LARGE)
+def test_large_elements_keep_what_couples_two_nodes_by_itself(in_blocks, shape, kind):
+    in_blocks.setattr("actionopt.discrete.blocks.AT_HAND", 1)
+    found = []
+    for few in (0.0, 2.0):
+        in_blocks.setattr("actionopt.discrete.layout.FEW_ACROSS", few)
+        layout, nonzeros, _ = matrix_with(in_blocks, shape, kind, elements=6)
+        assert (layout.blocks.across is not None) == (few > 0)
+        test_blocks_of_any_path_with_a_border(in_blocks, shape, kind)
+        by = np.random.default_rng(3).uniform(0.5, 2.0, layout.size)
+        ends = np.random.default_rng(4).normal(size=(2, layout.blocks.width))
+        scaled = layout.blocks.rescale(nonzeros, by), layout.blocks.diagonal(by)
+        matrices = [full(layout, x) for x in (nonzeros, *scaled)]
+        found.append([*matrices, layout.blocks.of_ends(nonzeros, ends)])
+    for one, other in zip(*found, strict=True):
+        assert np.max(np.abs(one - other)) <= 1e-13 * np.max(np.abs(one))
+
+
 @pytest.mark.quick("small", "blocks", "in parts", "sparse", "kept")
 def test_the_inertia_where_rows_of_constraints_are_small(stored):
     """D K D has as many negative eigenvalues as K, for any D (Sylvester)."""

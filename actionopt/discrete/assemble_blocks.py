@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from actionopt.discrete.action import Action
@@ -18,21 +20,21 @@ def kkt(tr: Action, z: Array) -> Array:
     if tr.order > 1:
         return _of_higher_order(tr, _second(tr, z, A, B, C), x)
     constant = tr.problem.system.structure.constant_mass  # then the kinetic part is kept
-    given = [("second", A, B)]
-    if tr.problem.system.structure.forced:
-        given.append(("force_jacobian", *tr.forces(x)))
-    if layout.blocks.across is None:
+    coupled = layout.blocks.across is not None
+    if not coupled:
         stiff = tr.memoize_if_constant("blocks", lambda: _stiff(tr, C)) if constant else []
         mass = C if constant else _mass(tr, C)
-        slopes = [
-            (_full(tr, name, 0, a), _full(tr, name, 1, b), name == "second") for name, a, b in given
-        ]
+        slopes = [(_full(tr, "second", 0, A), _full(tr, "second", 1, B), True)]
+        if tr.problem.system.structure.forced:
+            Fq, Fv = (_full(tr, "force_jacobian", k, F) for k, F in enumerate(tr.forces(x)))
+            slopes.append((Fq, Fv, False))
     at_nodes = _constraints(tr, z) if layout.rows else None
     nonzeros = np.zeros(layout.blocks.count)
     elements, between = layout.blocks.split(nonzeros)
     for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
-        if isinstance(whole, Coupled):
-            _couple(tr, k, whole, C, given)
+        if coupled:
+            forces = tr.forces(x) if tr.problem.system.structure.forced else None
+            _couple(tr, k, whole, C, (A, B), forces)
             if at_nodes is not None:
                 whole.nodal[:, 1:-1] += at_nodes[g.nodes[:, 1:-1]]
             continue
@@ -90,8 +92,8 @@ def kinetic(tr: Action, z: Array) -> Array:
     C = tr.second(z[: layout.unknowns])[2]
     stiff = _stiff(tr, C) if layout.blocks.across is None else []
     for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
-        if isinstance(whole, Coupled):
-            _couple(tr, k, whole, C, [])
+        if layout.blocks.across is not None:
+            _couple(tr, k, whole, C)
             continue
         points = g.rule.degree + 1
         whole = whole.reshape(len(whole), points, layout.blocks.width, points, -1)
@@ -102,11 +104,16 @@ def kinetic(tr: Action, z: Array) -> Array:
 
 
 def _couple(
-    tr: Action, group: int, whole: Coupled, C: Array, given: list[tuple[str, Array, Array]]
+    tr: Action,
+    group: int,
+    whole: Coupled,
+    C: Array,
+    slopes: tuple[Array, Array] | None = None,
+    forces: Sequence[Array] | None = None,
 ) -> None:
-    """Put second derivatives in large elements of one degree.
+    """Put second derivatives in large elements of one degree, C alone or the others as well.
 
-    C as `Action.second` has it; of the functions `given`, their nonzeros by q and by v.
+    `slopes` are those by q twice and by q and v, `forces` the derivatives of forces by the same.
     """
     g, system = tr.layout.groups[group], tr.problem.system
     (E, points), n, known = g.nodes.shape, system.n, whole.row * tr.layout.blocks.width + whole.col
@@ -120,7 +127,10 @@ def _couple(
     mass, there, back = scaled("second", 2, C)
     pairs = (g.rule.stiffness @ (mass / tr.halves[group])).reshape(E, points, points, -1)
     whole.across[..., there] = whole.across[..., back] = pairs
-    for name, a, b in given:
+    for name, given in (("second", slopes), ("force_jacobian", forces)):
+        if given is None:
+            continue
+        a, b = given
         mixed, there, back = scaled(name, 1, b)
         mixed = g.rule.weighted_derivative[:, :, None] * mixed[:, :, None]
         whole.across[..., there] += mixed

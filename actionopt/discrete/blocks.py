@@ -72,8 +72,11 @@ class Coupled:
     row: NDInt
     col: NDInt
 
-    def __len__(self) -> int:
-        return len(self.nodal)
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """That of the matrices, (E, (d + 1) f, (d + 1) f)."""
+        E, points, f, _ = self.nodal.shape
+        return E, points * f, points * f
 
     def put(self, element: int, whole: Array, first: int = 0) -> None:
         """Write the matrix of an element into `whole`, ((d + 1) f, (d + 1) f), from a node on."""
@@ -87,12 +90,13 @@ class Coupled:
         same += self.nodal[element, nodes]
 
     def __getitem__(self, element: int) -> Array:
-        whole = np.empty((self.nodal.shape[1] * self.nodal.shape[2],) * 2)
-        self.put(element % len(self), whole)
+        whole = np.empty(self.shape[1:])
+        self.put(element, whole)
         return whole
 
     def rescale(self, by: Array) -> None:
-        """Multiply rows and columns by factors (E, d + 1, f)."""
+        """Multiply rows and columns by factors (E, (d + 1) f)."""
+        by = by.reshape(self.nodal.shape[:3])
         self.across[:] *= by[:, :, None, self.row] * by[:, None, :, self.col]
         self.nodal[:] *= by[..., None] * by[:, :, None]
 
@@ -228,7 +232,7 @@ class Blocks:
         at = [*(full[g.nodes].reshape(len(g.nodes), -1) for g in self.groups), full[self.offsets]]
         for M, s in zip([*elements, nodes], at, strict=True):
             if isinstance(M, Coupled):
-                M.rescale(s.reshape(*M.nodal.shape[:3]))
+                M.rescale(s)
             else:
                 M *= s[:, :, None] * s[:, None, :]
         return scaled
@@ -361,9 +365,7 @@ class Condensed:
         U, V = np.empty((2, len(D) - 1, f, f))  # to the right of D, and below it
         self.inner: list[_Inner] = []
         for M, g, absent in zip(elements, blocks.groups, blocks.absent_inside, strict=True):
-            inner = _Inner(
-                M, f, absent, definite=definite, symmetric=blocks.symmetric, large=blocks.large
-            )
+            inner = _Inner(blocks, M, absent, definite)
             self.inner.append(inner)
             S = inner.end_blocks
             D[g.elements] += S[:, f:, f:]
@@ -514,151 +516,119 @@ class Condensed:
         return [*pivots, *(level.pivot for level in self.levels), self.last]
 
 
-@immutable
-class _Part:
-    """Places inside all elements of one degree that are eliminated at once.
-
-    `pivot` (E, c, c), its `inverse`, `right` (E, c, k), the inverse times the columns that are
-    left, and `below` (E, k, c), the pivot's columns in the rows that are left; None where the
-    matrix is symmetric and `right` tells them.
-    """
-
-    at: slice
-    pivot: Array
-    inverse: Array
-    right: Array
-    below: Array | None
-
-    def eliminate(self, local: Array, *, rows: bool) -> None:
-        """Take the part out of right sides (E, p + 2 f, c), or out of `rows` beside the matrix."""
-        y, rest = local[:, self.at], local[:, self.at.stop :]
-        solved = y if rows else self.inverse @ y
-        if rows or self.below is None:
-            rest -= self.right.transpose(0, 2, 1) @ y
-        else:
-            rest -= self.below @ solved
-        local[:, self.at] = solved
-
-
 class _Inner:
     """The places inside all elements of one degree, eliminated in parts.
 
     Attributes
     ----------
-    places : int
-        p.
     shape : (int, int)
         E and p + 2 f: the p places inside come first, then those of the last node and those of
         the first.
-    parts : list of _Part
+    places : int
+        p.
+    parts : list of tuple
+        The places (a slice) of each part, the pivot (E, c, c), its inverse, this times the k
+        columns that are left, (E, c, k), and the pivot's columns in the rows that are left,
+        (E, k, c); None where the matrix is symmetric and large.
     end_blocks : (E, 2 f, 2 f) array
         Schur's complement at the last and the first node.
     """
 
     def __init__(
-        self,
-        M: Array | Coupled,
-        f: int,
-        absent: NDArray[np.bool_] | None,
-        *,
-        definite: bool,
-        symmetric: bool,
-        large: bool,
+        self, blocks: Blocks, M: Any, absent: NDArray[np.bool_] | None, definite: bool
     ) -> None:
-        self.shape = M.shape[:2] if isinstance(M, np.ndarray) else (len(M), M.nodal.shape[1] * f)
-        self.places = places = self.shape[1] - 2 * f
+        f = blocks.width
+        self.parts: list[tuple[slice, Array, Array, Array, Array | None]] = []
+        self.shape = M.shape[:2]
+        self.places = self.shape[1] - 2 * f
         size = max(PLACES_AT_ONCE // f, 1) * f
-        cuts = [*range(0, places, size), places]
-        ats = [slice(*pair) for pair in zip(cuts[:-1], cuts[1:], strict=True)]
-        if large:
-            self._one_by_one(M, f, absent, ats, definite, symmetric)
+        if blocks.large:
+            self._one_by_one(blocks, M, absent, size, definite)
             return
-        assert isinstance(M, np.ndarray)  # others are large
         W = np.empty_like(M)
-        _put_inside_first(M, f, W)
+        W[:, :-f, :-f], W[:, :-f, -f:] = M[:, f:, f:], M[:, f:, :f]
+        W[:, -f:, :-f], W[:, -f:, -f:] = M[:, :f, f:], M[:, :f, :f]
         if absent is not None:
             e, k = absent.nonzero()
             W[e, k, k] = 1.0
-        self.parts: list[_Part] = []
-        for at in ats:
-            rest = slice(at.stop, None)
-            pivot = W[:, at, at]
+        for first in range(0, self.places, size):
+            part = slice(first, min(first + size, self.places))
+            rest = slice(part.stop, None)
+            pivot = W[:, part, part]
             if definite:
                 np.linalg.cholesky(pivot)
             inverse = np.linalg.inv(pivot)
-            self.parts.append(_Part(at, pivot, inverse, W[:, at, rest], W[:, rest, at]))
-            for some in in_parts(len(W), (W.shape[1] - at.stop) ** 2):
-                W[some, at, rest] = inverse[some] @ W[some, at, rest]
-                W[some, rest, rest] -= W[some, rest, at] @ W[some, at, rest]
-        self.end_blocks = W[:, places:, places:]
+            self.parts.append((part, pivot, inverse, W[:, part, rest], W[:, rest, part]))
+            for some in in_parts(len(W), (W.shape[1] - part.stop) ** 2):
+                W[some, part, rest] = inverse[some] @ W[some, part, rest]
+                W[some, rest, rest] -= W[some, rest, part] @ W[some, part, rest]
+        self.end_blocks = W[:, self.places :, self.places :]
 
     def _one_by_one(
         self,
-        M: Array | Coupled,
-        f: int,
+        blocks: Blocks,
+        M: Any,
         absent: NDArray[np.bool_] | None,
-        ats: list[slice],
+        size: int,
         definite: bool,
-        symmetric: bool,
     ) -> None:
-        """Eliminate in large elements, of which one is copied at a time, and kept what is needed.
+        """Eliminate in one large element after the other; of each, what is needed is kept.
 
-        Of a symmetric one the blocks right of the diagonal: half the work, half the memory.
+        Of a symmetric one that are the blocks right of the diagonal: half the work and the memory.
         """
-        E, width = self.shape
-        W = np.empty((width, width))
-        self.end_blocks = np.empty((E, 2 * f, 2 * f))
-        self.parts = []
-        for at in ats:
-            c, left = at.stop - at.start, width - at.stop
-            pivots, below = np.empty((2, E, c, c)), None if symmetric else np.empty((E, left, c))
-            self.parts.append(_Part(at, *pivots, np.empty((E, c, left)), below))
+        f, places, (E, width) = blocks.width, self.places, self.shape
+        W, self.end_blocks = np.empty((width, width)), np.empty((E, 2 * f, 2 * f))
+        parts = [slice(k, min(k + size, places)) for k in range(0, places, size)]
+        for part in parts:
+            c, k = part.stop - part.start, width - part.stop
+            below = None if blocks.symmetric else np.empty((E, k, c))
+            self.parts.append((part, *np.empty((2, E, c, c)), np.empty((E, c, k)), below))
         for e in range(E):
             if isinstance(M, Coupled):
                 M.put(e, W, first=1)
             else:
-                _put_inside_first(M[e], f, W)
+                W[:-f, :-f], W[:-f, -f:] = M[e, f:, f:], M[e, f:, :f]
+                W[-f:, :-f], W[-f:, -f:] = M[e, :f, f:], M[e, :f, :f]
             if absent is not None:
                 k = absent[e].nonzero()[0]
                 W[k, k] = 1.0
-            for number, part in enumerate(self.parts):
-                at, right = part.at, part.right[e]
-                part.pivot[e] = W[at, at]
+            for number, (part, pivots, inverses, rights, belows) in enumerate(self.parts):
+                pivots[e] = W[part, part]
                 if definite:
-                    np.linalg.cholesky(W[at, at])
-                part.inverse[e] = np.linalg.inv(W[at, at])
-                np.matmul(part.inverse[e], W[at, at.stop :], out=right)
-                if part.below is not None:
-                    part.below[e] = W[at.stop :, at]
-                for rows in [*ats[number + 1 :], slice(self.places, None)]:
-                    first = rows.start if symmetric else at.stop
-                    below = W[at, rows].T if symmetric else W[rows, at]
-                    W[rows, first:] -= below @ right[:, first - at.stop :]
-            self.end_blocks[e] = W[self.places :, self.places :]
+                    np.linalg.cholesky(pivots[e])
+                inverses[e] = np.linalg.inv(pivots[e])
+                right = np.matmul(inverses[e], W[part, part.stop :], out=rights[e])
+                if belows is not None:
+                    belows[e] = W[part.stop :, part]
+                for rows in [*parts[number + 1 :], slice(places, width)]:
+                    first = rows.start if blocks.symmetric else part.stop
+                    below = W[part, rows].T if blocks.symmetric else W[rows, part]
+                    W[rows, first:] -= below @ right[:, first - part.stop :]
+            self.end_blocks[e] = W[places:, places:]
 
     @property
     def pivots(self) -> list[Array]:
         """The pivots (E, c, c) of the parts."""
-        return [part.pivot for part in self.parts]
+        return [pivot for _, pivot, *_ in self.parts]
 
     def eliminate(self, local: Array, *, rows: bool = False) -> None:
         """Put in place of the right sides (E, p + 2 f, c) those of the ends, others zero there.
 
         Or of `rows` beside the matrix.
         """
-        for part in self.parts:
-            part.eliminate(local, rows=rows)
+        for part, _, inverse, right, below in self.parts:
+            before = local[:, part]
+            after = before if rows else inverse @ before
+            if rows or below is None:
+                local[:, part.stop :] -= right.transpose(0, 2, 1) @ before
+            else:
+                local[:, part.stop :] -= below @ after
+            local[:, part] = after
 
     def substitute(self, local: Array) -> None:
         """Put the solution inside in its place, that of the ends given."""
-        for part in reversed(self.parts):
-            local[:, part.at] -= part.right @ local[:, part.at.stop :]
-
-
-def _put_inside_first(M: Array, f: int, W: Array) -> None:
-    """Copy elements (..., s, s) with the places of the first node behind all others."""
-    W[..., :-f, :-f], W[..., :-f, -f:] = M[..., f:, f:], M[..., f:, :f]
-    W[..., -f:, :-f], W[..., -f:, -f:] = M[..., :f, f:], M[..., :f, :f]
+        for part, _, _, right, _ in reversed(self.parts):
+            local[:, part] -= right @ local[:, part.stop :]
 
 
 @immutable

@@ -121,6 +121,7 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
                 f"{MAX_UNKNOWNS:,} unknowns; give a Mesh of your own if it is worth that"
             )
             return _failure(ws)
+        here = None  # frees its factors before others are made
         if not ws.transfer(mesh, least=least, missed=missed if resolved else 0.0):
             return _failure(ws)
         if resolved:
