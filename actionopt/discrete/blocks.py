@@ -104,7 +104,7 @@ class Coupled:
         """Return the matrices times values (E, d + 1, f)."""
         found = (self.nodal @ local[..., None])[..., 0]
         across = np.einsum("eabk,ebk->eak", self.across, local[:, :, self.col])
-        np.add.at(found, (..., self.row), across)
+        np.add.at(found.transpose(2, 0, 1), self.row, across.transpose(2, 0, 1))
         return found
 
 
@@ -191,8 +191,8 @@ class Blocks:
                 parts.append(part.reshape(count, nodes * f, nodes * f))
                 continue
             nodal, first = nonzeros[first : first + more[0]], first + more[0]
-            shapes = part.reshape(count, nodes, nodes, -1), nodal.reshape(count, nodes, f, f)
-            parts.append(Coupled(*shapes, *self.across))
+            across, (row, col) = part.reshape(count, nodes, nodes, -1), self.across
+            parts.append(Coupled(across, nodal.reshape(count, nodes, f, f), row, col))
         return parts, nonzeros[first:].reshape(-1, self.width, self.width)
 
     def add(self, nonzeros: Array, unknowns: NDInt, matrix: Array) -> None:
@@ -581,8 +581,9 @@ class _Inner:
         parts = [slice(k, min(k + size, places)) for k in range(0, places, size)]
         for part in parts:
             c, k = part.stop - part.start, width - part.stop
-            below = None if blocks.symmetric else np.empty((E, k, c))
-            self.parts.append((part, *np.empty((2, E, c, c)), np.empty((E, c, k)), below))
+            below: Array | None = None if blocks.symmetric else np.empty((E, k, c))
+            pivots, inverses = np.empty((2, E, c, c))
+            self.parts.append((part, pivots, inverses, np.empty((E, c, k)), below))
         for e in range(E):
             if isinstance(M, Coupled):
                 M.put(e, W, first=1)
