@@ -118,20 +118,20 @@ def _couple(
     g, system = tr.layout.groups[group], tr.problem.system
     (E, points), n, known = g.nodes.shape, system.n, whole.row * tr.layout.blocks.width + whole.col
 
-    def scaled(name: str, output: int, values: Array) -> tuple[Array, NDInt, NDInt]:
+    def find_pairs(name: str, output: int, values: Array) -> tuple[Array, NDInt, NDInt]:
         row, col = system.pointwise(name).sparsity(output)
         values = values[g.span] * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
         pairs = (r * tr.layout.blocks.width + c for r, c in ((row, col), (col, row)))
         return values.reshape(E, points, -1), *(np.searchsorted(known, p) for p in pairs)
 
-    mass, there, back = scaled("second", 2, C)
+    mass, there, back = find_pairs("second", 2, C)
     pairs = (g.rule.stiffness @ (mass / tr.halves[group])).reshape(E, points, points, -1)
     whole.across[..., there] = whole.across[..., back] = pairs
     for name, given in (("second", slopes), ("force_jacobian", forces)):
         if given is None:
             continue
         a, b = given
-        mixed, there, back = scaled(name, 1, b)
+        mixed, there, back = find_pairs(name, 1, b)
         mixed = g.rule.weighted_derivative[:, :, None] * mixed[:, :, None]
         whole.across[..., there] += mixed
         if name == "second":
