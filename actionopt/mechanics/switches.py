@@ -224,8 +224,10 @@ def narrowness(law: Tape) -> int:
         return 2
     if not TAILED.isdisjoint(law.operations):
         return 1
-    divisors = [law.nodes[x.operands[-1]] for x in law.nodes if x.operation in QUOTIENTS]
-    return int(any(x.kind != "constant" and x.entry[0] != 3 for x in divisors))
+    if law.operations.isdisjoint(QUOTIENTS):
+        return 0
+    divisors = law.last_operands(QUOTIENTS)
+    return int(any([code != ca.OP_CONST and of != 3 for code, of in divisors]))
 
 
 # What `is_jumpless` knows of a value: one of these, its sign where that is plain, and the number

@@ -331,7 +331,7 @@ class System(NumericLaws):
         F = L if role == "length" else None
         laws = L if F is None else square(F) / 2, constraints, forces, outside, integrands
         self._set(symbols, laws, names_of, table, name, _place(law), F=F)
-        refuse_nan([node.value for node in self.lagrangian_tape.nodes], role)
+        refuse_nan(self.lagrangian_tape.constants, role)
         if F is not None:
             check_length(self)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
@@ -67,6 +67,8 @@ class Node(NamedTuple):
 class Tape:
     """Operations in their order, a node for each value, and which of them are the results.
 
+    Nodes are read when they are asked for: of most laws the kinds of operations say enough.
+
     Parameters
     ----------
     arguments : sequence of casadi.SX
@@ -75,28 +77,58 @@ class Tape:
         WrittenProgram in these.
     names : sequence of str, optional
         Of the arguments.
-
-    Attributes
-    ----------
-    nodes : list of Node
-        The first is zero.
     """
 
     def __init__(
         self, arguments: Sequence[ca.SX], results: Sequence[ca.SX], names: Sequence[str] = ()
     ) -> None:
-        self.names = tuple(names)
-        self.nodes = [Node(ca.OP_CONST)]
-        self._given = results
-        self._found: list[tuple[list[int], int]] = []
-        if not any([result.numel() for result in results]):
-            return
-        # No register is used twice: the k-th value is in register k.
-        f = ca.Function("tape", arguments, results, {"live_variables": False})
-        for k in range(f.n_instructions()):
-            code = f.instruction_id(k)
+        self.names, self._given = tuple(names), results
+        self._codes: list[int] = []
+        if any([result.numel() for result in results]):
+            # No register is used twice: the k-th value is in register k.
+            f = ca.Function("tape", arguments, results, {"live_variables": False})
+            self._function = f
+            self._codes = [f.instruction_id(k) for k in range(f.n_instructions())]
+
+    @cached_property
+    def operations(self) -> frozenset[int]:
+        """CasADi's numbers of all operations."""
+        if ca.OP_CALL in self._codes:  # tables have a number of their own
+            return frozenset([node.operation for node in self.nodes])
+        return frozenset([ca.OP_CONST, *self._codes]) - {ca.OP_OUTPUT}
+
+    @property
+    def constants(self) -> list[float]:
+        """The numbers that stand in the expressions."""
+        at = [k for k, code in enumerate(self._codes) if code == ca.OP_CONST]
+        return [self._function.instruction_constant(k) for k in at]
+
+    def last_operands(self, operations: Collection[int]) -> list[tuple[int, int]]:
+        """Return what the last operand of each of these operations is: its number, and its input.
+
+        The input is -1 of what is no entry of one.
+        """
+        f, codes = self._function, self._codes
+        if ca.OP_CALL in codes:  # of several results: registers are not numbered as operations are
+            last = [self.nodes[x.operands[-1]] for x in self.nodes if x.operation in operations]
+            return [(x.operation, x.entry[0]) for x in last]
+        at = [f.instruction_input(k)[-1] for k, code in enumerate(codes) if code in operations]
+        inputs = [f.instruction_input(k)[0] if codes[k] == ca.OP_INPUT else -1 for k in at]
+        return list(zip([codes[k] for k in at], inputs, strict=True))
+
+    @property
+    def nodes(self) -> list[Node]:
+        """An operation, an entry of an input or a number each; the first is zero."""
+        return self._read[0]
+
+    @cached_property
+    def _read(self) -> tuple[list[Node], list[tuple[list[int], int]]]:
+        """The nodes; and of each result that is not zero the output and nonzero, and its node."""
+        nodes, found = [Node(ca.OP_CONST)], []
+        for k, code in enumerate(self._codes):
+            f = self._function
             if code == ca.OP_CONST:
-                self.nodes.append(Node(code, (), (-1, -1), f.instruction_constant(k)))
+                nodes.append(Node(code, (), (-1, -1), f.instruction_constant(k)))
                 continue
             of = f.instruction_input(k)
             if code == ca.OP_CALL:  # has a value for each of its results that is used
@@ -104,26 +136,22 @@ class Tape:
                 into = [i for i, to in enumerate(f.instruction_output(k)) if to >= 0]
                 function = called.which_function()
                 code = LINEAR_TABLE if _is_table(function) else code
-                self.nodes += [Node(code, operands, (-1, -1), 0.0, function, i) for i in into]
+                nodes += [Node(code, operands, (-1, -1), 0.0, function, i) for i in into]
                 continue
             if code == ca.OP_OUTPUT:
-                self._found.append((f.instruction_output(k), of[0] + 1))
+                found.append((f.instruction_output(k), of[0] + 1))
             elif code == ca.OP_INPUT:
-                self.nodes.append(Node(code, (), (of[0], of[1])))
+                nodes.append(Node(code, (), (of[0], of[1])))
             else:
-                self.nodes.append(Node(code, tuple([i + 1 for i in of])))
-
-    @cached_property
-    def operations(self) -> frozenset[int]:
-        """CasADi's numbers of all operations."""
-        return frozenset([node.operation for node in self.nodes])
+                nodes.append(Node(code, tuple([i + 1 for i in of])))
+        return nodes, found
 
     @cached_property
     def results(self) -> list[list[int]]:
         """The node of each entry, result by result."""
         results = [[0] * result.numel() for result in self._given]
         places = [result.sparsity().find() for result in self._given]
-        for (output, nonzero), node in self._found:
+        for (output, nonzero), node in self._read[1]:
             results[output][places[output][nonzero]] = node
         return results
 
