@@ -260,3 +260,13 @@ def test_no_multipliers_are_a_second_way(reached, rows, calls, monkeypatch):
     at.record = SimpleNamespace(clock=lambda name: nullcontext())
     found = workspace.Workspace.approach(at)
     assert told == ["z", "free"][:calls] and found == (("z", 1) if reached else None)
+
+
+@pytest.mark.long
+def test_a_path_that_is_lost_on_a_large_mesh_is_found_again():
+    """Past a near collision, from the motion itself: its first mesh is a hundredth off."""
+    scene = scenes.get("kepler", eccentricity=0.99, start=-0.45, fraction=0.9)
+    found = ao.solve(scene.problem, tol=1e-9, guess=scene.exact)
+    t = np.linspace(found.start.t, found.end.t, 101)
+    assert np.abs(found(t) - scene.exact(t)).max() <= 1e-9
+    assert "ipopt" not in found.stats["iterations"]

@@ -530,6 +530,8 @@ class Workspace(Generic[Place]):
     def _recover(self, least: bool) -> bool:
         """Find the path again on a mesh where following it did not work."""
         if not least:
+            if self.large:  # Ipopt would take seconds
+                return self.approach(PATIENT)
             return self.root() and self.follow()
         if self.problem.system.m == 0:
             if self.descend():
