@@ -154,6 +154,11 @@ def test_a_guess_is_tried_on_meshes_that_show_it():
     assert tried(turning(1)) == GUESS_MESHES
     assert tried(turning(10)) == GUESS_MESHES[1:]
     assert tried(turning(20)) == GUESS_MESHES[2:]
+    # A turn far shorter than the way has meshes of its own, which show it roughly and well.
+    turn = lambda t: np.array([np.tanh(9 * (t - 50.3))] * 2)  # noqa: E731
+    rough, fine, *others = _fine_enough(search, lambda mesh: Path.interpolate(turn, mesh))
+    assert tuple(mesh.elements for mesh in others) == GUESS_MESHES
+    assert rough.nodes.size < fine.nodes.size <= 4 * others[-1].nodes.size
     # What no mesh shows, kinks inside elements, is tried on all of them.
     kinks = lambda t: np.abs((np.array([t, t]) * 0.37) % 2 - 1)  # noqa: E731
     assert tried(lambda mesh: Path.interpolate(kinks, mesh)) == GUESS_MESHES

@@ -270,3 +270,15 @@ def test_a_path_that_is_lost_on_a_large_mesh_is_found_again():
     t = np.linspace(found.start.t, found.end.t, 101)
     assert np.abs(found(t) - scene.exact(t)).max() <= 1e-9
     assert "ipopt" not in found.stats["iterations"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("away", [0.0, 0.01])
+def test_the_path_near_a_guess_is_not_another_one(away):
+    """Past a near collision, where the first mesh of the guess tells the turn by a tenth of it."""
+    scene = scenes.get("kepler", eccentricity=0.9945, start=-0.137, fraction=0.178)
+    found = ao.solve(
+        scene.problem, tol=1e-8, guess=lambda t: scene.exact(t) * (1 + away * np.sin(5 * t))
+    )
+    t = np.linspace(found.start.t, found.end.t, 101)
+    assert np.abs(found(t) - scene.exact(t)).max() <= 1e-8
