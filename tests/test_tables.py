@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.tables import interp
+from actionopt.mechanics.tables import interp, knots
 from actionopt.tools.tape import Tape
 
 RANDOM = np.random.default_rng(2)
@@ -133,13 +133,39 @@ def test_boundaries_stay_at_kinks_while_the_end_passes_others():
     assert there.boundaries == pytest.approx([0.0, 0.7, 1.18, 1.5], abs=1e-15)
 
 
-def test_a_spike_between_two_points_of_a_table_in_q_is_not_passed_unseen():
+@pytest.mark.quick("numpy")
+@pytest.mark.parametrize("kind", ["numpy", "casadi", "casadi, many points"])
+def test_a_spike_between_two_points_of_a_table_in_q_is_not_passed_unseen(kind):
     width, where = 3e-4, 0.2
     points = np.r_[np.linspace(-3, where - width, 20), where, np.linspace(where + width, 3, 20)]
+    if kind == "casadi, many points":
+        points = np.r_[-3:where:width, where:3:width]
     values = np.where(points == where, -0.03 / width, 0.0)
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.interp(q[0], points, values), ["x"])
+    table = ca.interpolant("V", "linear", [points], values)
+    system = ao.System(
+        lambda q, v, t: (
+            v[0] ** 2 / 2 - (np.interp(q[0], points, values) if kind == "numpy" else table(q[0]))
+        ),
+        ["x"],
+    )
     problem = ao.Problem(system, ao.Event(0, [-1.0]), ao.Event(0.4, [1.0]))
     assert not ao.solve(problem, throw=False).success
+
+
+def test_bends_of_tables_of_casadi_are_read():
+    few, many, thirds = np.array([0.0, 1 / 3, 2.0]), np.linspace(0, 1, 300), np.arange(300) / 3
+    spike = np.where(np.arange(300) == 7, 1.0, np.sin(many))
+    for points, values, known in (
+        (few, few[::-1], few),
+        (few, np.arange(6.0), few),
+        (many, spike, many[6:9]),
+        (many, np.sin(many), []),
+        (thirds, np.sin(9 * many), []),
+    ):
+        assert np.array_equal(knots(ca.interpolant("V", "linear", [points], values)), known)
+    grid = ca.interpolant("V", "linear", [few, few], np.arange(9.0))
+    assert not knots(grid).size
+    assert not knots(ca.interpolant("V", "bspline", [many], many)).size
 
 
 def test_symmetries_of_a_law_that_calls_a_function():

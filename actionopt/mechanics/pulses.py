@@ -7,7 +7,7 @@ that is least in the middle of what is narrow, and whose slope points there from
     exp u, a^u         g = -u, a pulse; and u^2: where 1 / (1 + exp u) is a step
     tanh u, erf u, ..  g = u^2
     1 / u, u^a, log u  g = log |u|
-    u < w, |u - w|     g = (u - w)^2, much enlarged
+    u < w, |u - w|     g = (u - w)^2, much enlarged; so where a table of u bends, at w
 
 The pulse is as wide as the distance s at which s |g'(c + s)| is one, also where g'' is zero, as of
 exp(-((t - c) / w)^4). Elements that end at c and at either foot see it, and refinement finds the
@@ -26,8 +26,9 @@ import numpy as np
 from actionopt.mechanics.columns import UFUNCS
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.switches import POWERS, QUOTIENTS, ROOTS, SUMS
+from actionopt.mechanics.tables import knots
 from actionopt.mechanics.tracing import SAMPLES, Symbols
-from actionopt.tools.tape import Node, Tape
+from actionopt.tools.tape import LINEAR_TABLE, Node, Tape
 from actionopt.tools.types import Array, NDInt
 
 EXPONENTIALS = {ca.OP_EXP, ca.OP_EXPM1}
@@ -84,6 +85,8 @@ def may_hide(law: Tape) -> bool:
             return (OF_PLACE, OF_STATE, OF_TIME, OF_NONE)[node.entry[0]], True
         code, (depends, affine) = node.operation, (max(x[0] for x in operands), operands[-1][1])
         affine &= operands[0][1]
+        if depends == OF_PLACE and code == LINEAR_TABLE:
+            steps += 2 * (knots(node.function).size > 0)
         if depends == OF_PLACE and code in MAY_STEP:
             steps += 1 if affine else 2
         if code in (ca.OP_MUL, ca.OP_DIV):
@@ -100,13 +103,21 @@ class StepArguments:
     def __init__(self, law: Tape) -> None:
         known = law.fold(_is_known)
         steps = [k for k, node in enumerate(law.nodes) if known[k] and node.operation in MAY_STEP]
-        self._arguments: list[tuple[list[int], bool]] = []  # and whether they vanish at a step
+        # And whether they vanish at a step, and in which unit they are.
+        self._arguments: list[tuple[list[int], bool, float]] = []
         needed: set[int] = set()
+        for node in law.nodes:
+            if node.operation != LINEAR_TABLE or not known[node.operands[0]]:
+                continue
+            bends = knots(node.function)
+            if bends.size:
+                self._arguments.append((list(node.operands), False, np.diff(bends).min(initial=1)))
+                needed.update(node.operands)
         for node in (law.nodes[k] for k in steps):
             of = node.operands[-1:] if node.operation in QUOTIENTS else node.operands[:1]
             if node.operation in (*SWITCHED, *POWERS):
                 of = node.operands
-            self._arguments.append((list(of), node.operation in SIZED))
+            self._arguments.append((list(of), node.operation in SIZED, 1.0))
             needed.update(of)
         for k in range(len(law.nodes) - 1, -1, -1):
             if k in needed:
@@ -130,7 +141,7 @@ class StepArguments:
             else:
                 values[k] = UFUNCS[node.operation](*[values[i] for i in node.operands], out=None)
         narrow, most = np.zeros(gap.size, dtype=bool), None
-        for of, sized in self._arguments:
+        for of, sized, unit in self._arguments:
             u = values[of[0]] if len(of) == 1 else values[of[0]] - values[of[-1]]
             if not isinstance(u, np.ndarray) or len(u) == 1:
                 continue
@@ -141,7 +152,7 @@ class StepArguments:
                 continue
             if most is None:
                 most = SAMPLED_CHANGE * (since[1:] - since[:-1]) / gap
-            narrow |= (change > most).any(axis=0)
+            narrow |= (change > most * unit).any(axis=0)
         return narrow
 
 
@@ -186,6 +197,13 @@ def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
                 slopes.append(rate_of(u[0]) / u[0])
             elif node.operation in PULSES:
                 slopes.append(2 * u[0] * rate_of(u[0]))
+        if (
+            node.operation == LINEAR_TABLE
+            and wanted == OF_PLACE
+            and u is not None
+            and u[1] == wanted
+        ):
+            slopes.extend((u[0] - w) * rate_of(u[0]) / ABRUPT for w in knots(node.function))
         if len(plain) < len(operands):
             return None
         whole = node.of([x for x, _ in plain])

@@ -8,6 +8,7 @@ kinks are found (`instants`).
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import casadi as ca
@@ -19,6 +20,7 @@ from actionopt.tools.types import Array
 # Points up to which a table is written out. Measured: a call takes as long as 4 to 16 pieces; what
 # is written out can be read as a formula.
 MOST_WRITTEN = 16
+SPIKE = 3.0  # times the mean change of a table's slope: of a sine it is 1.6 at most. Ad hoc.
 PATH_NAMES = ("q", "v", "a", "j", "s")  # of the symbols of a path (`tracing.STATE`)
 
 
@@ -100,6 +102,39 @@ def pieces(table: ca.Function) -> int:
     if PIECE not in table.name_out():
         return 0
     return round(float(table.call([math.inf] + [0] * (table.n_in() - 1))[1]))
+
+
+def knots(table: ca.Function) -> Array:
+    """Return where a linear table of CasADi's in one argument bends, as far as samples may miss it.
+
+    All points of a table that is short; of others some of those at which the slope changes far
+    more than it does in the mean, as in a spike. None of what is no such table.
+    """
+    if table.class_name() != "LinearInterpolant" or table.n_in() > 1 or table.numel_in(0) > 1:
+        return np.empty(0)
+    points, values = _read(table)
+    if points.size <= MOST_WRITTEN:
+        return points
+    slopes = np.diff(values, axis=0) / np.diff(points)[:, None]
+    bends = np.abs(np.diff(slopes, axis=0)).max(axis=1)
+    most = np.argsort(bends)[-MOST_WRITTEN:]
+    return np.sort(points[1:-1][most[bends[most] > SPIKE * bends.mean()]])
+
+
+def _read(table: ca.Function) -> tuple[Array, Array]:
+    """Return the points (N,) of a linear table in one argument, and the values (N, results).
+
+    CasADi tells them in the program in C of it alone. None where that is written otherwise.
+    """
+    program = ca.CodeGenerator("table")
+    program.add(table)
+    text = program.dump()
+    numbers = dict(re.findall(r"casadi_real (\w+)\[\d+\] =\s*\{(.*?)\};", text, re.DOTALL))
+    names = re.findall(r"casadi_interpn\(\w+\[0\], 1, (\w+), \w+, (\w+),", text)
+    if not names or not numbers.keys() >= set(names[-1]):
+        return np.empty(0), np.empty((0, 1))
+    points, values = (np.array(numbers[name].split(","), dtype=float) for name in names[-1])
+    return points, values.reshape(points.size, -1)
 
 
 def _numbers(given: Any) -> Array | None:
