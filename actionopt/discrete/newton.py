@@ -206,11 +206,12 @@ def keep_factors(tr: Transcription, z: Array, factors: Factors, since: float) ->
 
 
 def kept_factors(tr: Transcription, z: Array) -> Factors | None:
-    """Return the factors that were kept, if they are of the path z."""
-    known = tr.layout.solvers.get("path")
-    if known is None or known[0] is not z or known[1] is not tr.weight:
-        return None
-    return known[2]
+    """Return the factors that were kept, if they are of the path z; no other thread has them."""
+    known = tr.layout.solvers.pop("path", None)
+    if known is None or (known[0] is z and known[1] is tr.weight):
+        return known and known[2]
+    tr.layout.solvers["path"] = known
+    return None
 
 
 def _residual_change(tr: Transcription, z: Array, to: Transcription, factors: Factors) -> Array:
