@@ -1,6 +1,5 @@
 """Iterates: placed, followed, carried, what is told of them and what is written down."""
 
-import pickle
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,7 +10,6 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Path, Problem, System, scenes
-from actionopt.discrete.transcription import Transcription
 from actionopt.solver import workspace
 from actionopt.solver.iterate import ORDINARY, POLYNOMIAL_ROUNDOFF, Iterate, sizes
 from actionopt.solver.workspace import FOLLOWED_REACH, Workspace
@@ -144,32 +142,6 @@ def test_a_path_is_joined_as_long_as_it_does_not_grow_out_of_its_units(side):
             if near:
                 # The unit of errors, on either side.
                 assert ws.here.sizes == max(known.tr.lengths, factor)
-
-
-def test_the_factors_of_the_path_found_last_serve_to_continue_from_it(monkeypatch):
-    spring = systems.spring(stiffening=0.1)
-
-    def to(x):
-        return Problem(spring, Event(0.0, [1.0]), Event(1.0, [x]))
-
-    def continued(solution):
-        """Return how often the matrix is made on the way to another end, and where that leads."""
-        made, kkt = [], Transcription.kkt
-        monkeypatch.setattr(Transcription, "kkt", lambda tr, z: made.append(z) or kkt(tr, z))
-        ws = Workspace(to(0.9))
-        assert ws.continue_from(solution.discrete)
-        monkeypatch.setattr(Transcription, "kkt", kkt)
-        return len(made), ws.here.z
-
-    first = ao.solve(to(0.8), tol=1e-8)
-    count, with_kept = continued(first)
-    assert count == 0
-    last = ao.solve(to(0.7), tol=1e-8, guess=first)
-    assert continued(last)[0] == 0
-    count, anew = continued(first)
-    assert count == 1
-    assert np.abs(with_kept - anew).max() < 1e-4 * np.abs(anew - first.discrete.z).max()
-    assert continued(pickle.loads(pickle.dumps(last)))[0] == 1
 
 
 def test_what_a_polynomial_leaves_is_rounding_alone():

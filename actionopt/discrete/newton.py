@@ -32,9 +32,6 @@ DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
 # Part of the ends' movement by which they are moved for one-sided differences, as accurate as that.
 ENDS_DIFFERENCE = 1e-5
-# Of factors that are kept of a path: how far from it they are at most, in the coordinates' sizes,
-# by which the tangent of its family is off; ad hoc. And of how many nonzeros: half a megabyte.
-KEPT_SINCE, KEPT_NONZEROS = 1e-2, 2**16
 HALF_DIGITS = 1e-8  # of the terms: a larger residual is no round-off, whatever the matrix is
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
@@ -182,7 +179,7 @@ def move_ends(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bo
     """
     cut = tr.layout.unknowns
     with np.errstate(all="ignore"):
-        factors = kept_factors(tr, z) or Factors(tr.layout, tr.kkt(z), many=True)
+        factors = Factors(tr.layout, tr.kkt(z), many=True)
         step, near = factors.solve(_residual_change(tr, z, to, factors)), True
         z = z - step
         for _ in range(CHORDS - 1 if factors.cheap else 0):
@@ -193,25 +190,6 @@ def move_ends(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bo
                 break
             z = z - step
     return z, near
-
-
-def keep_factors(tr: Transcription, z: Array, factors: Factors, since: float) -> None:
-    """Keep factors of the matrix `since` from the path z, from which others may be continued.
-
-    Those of the last path on its layout alone, unless they are large.
-    """
-    layout = tr.layout
-    if since <= KEPT_SINCE and factors.layout is layout and factors.nonzeros.size <= KEPT_NONZEROS:
-        layout.solvers["path"] = z, tr.weight, factors
-
-
-def kept_factors(tr: Transcription, z: Array) -> Factors | None:
-    """Return the factors that were kept, if they are of the path z; no other thread has them."""
-    known = tr.layout.solvers.pop("path", None)
-    if known is None or (known[0] is z and known[1] is tr.weight):
-        return known and known[2]
-    tr.layout.solvers["path"] = known
-    return None
 
 
 def _residual_change(tr: Transcription, z: Array, to: Transcription, factors: Factors) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.newton import keep_factors
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
@@ -29,9 +28,6 @@ def solution_of(ws: Workspace, status: Status, found_by: str, started: float) ->
         if status.success and not np.isfinite(action):
             status = Status.UNRESOLVED
         found.tr.forget()  # many solutions may be kept
-        plain = not (ws.linear or problem.system.r)
-        if plain and status.success and here.factors is not None:
-            keep_factors(found.tr, found.z, here.factors, here.since)
     record.time["total"] = perf_counter() - started
     stats: dict[str, Any] = {
         "rung": found_by,
