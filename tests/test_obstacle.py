@@ -188,6 +188,17 @@ def test_both_ways_round_a_circle():
         ao.solve_all(problem, angles=["x"])
 
 
+@pytest.mark.parametrize("through", [[], [ao.Event(0.25, [-2.0, 0.01])]])
+def test_ends_that_nearly_lie_on_an_axis_of_a_disc(through):
+    """How far the path goes to a side its events do not tell."""
+    A, B = (-4.0, 0.01), (4.0, 0.01)
+    sol = ao.solve(ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B), through=through))
+    begin = through[0].q if through else A
+    leg = 0.75 if through else 1.0
+    before = 8.0 if through else 0.0  # 2 in a quarter of the time
+    assert sol.action == pytest.approx(before + around(begin, B, leg)[1], rel=1e-12)
+
+
 @pytest.mark.slow
 def test_both_ways_round_discs_that_overlap():
     """Above the upper one, and below the lower one: each is the longer way round one disc."""

@@ -44,6 +44,8 @@ def scales_of(problem: Any) -> Array:
 def motion_of(problem: Any) -> tuple[Array, Array | None]:
     """Return `lengths` and `origin` of a problem."""
     scales = problem.scales
+    if problem.system.r:  # it leads paths as far away as it is large, wherever the events lie
+        scales = np.fmax(scales, _alike(scales, _inertias(problem), ACCIDENTAL))
     if problem.through or problem.system.order > 1:
         return scales, None
     pairs = list(zip(problem.start.near, problem.end.near, strict=True))
@@ -53,21 +55,23 @@ def motion_of(problem: Any) -> tuple[Array, Array | None]:
     close = np.array(near)
     inertia = _inertias(problem)
     with np.errstate(all="ignore"):
-        units = 1 / np.sqrt(inertia)  # as much kinetic energy in each
         size = np.where(close, _extents(problem, pairs, inertia), scales)
-        natural = size / units
-        least = (
-            np.where(close, 1.0, ACCIDENTAL)
-            * np.max(natural[np.isfinite(natural)], initial=0.0)
-            * units
-        )
-    size = np.fmax(size, np.where(np.isfinite(least), least, 0.0))
+    size = np.fmax(size, _alike(size, inertia, np.where(close, 1.0, ACCIDENTAL)))
     far = close & (size < SHORT_MOTION * scales) & (size > MOTIONLESS * scales)
     lengths = np.where(far | ~close, size, scales)
     if not far.any():
         return lengths, None
     ends = np.array([[a or 0.0, b or 0.0] for a, b in pairs])
     return lengths, np.where(far, ends.mean(axis=1), 0.0)
+
+
+def _alike(sizes: Array, inertia: Array, part: Array | float) -> Array:
+    """Return parts of the sizes (n,) with as much kinetic energy as the largest; 0 if unknown."""
+    with np.errstate(all="ignore"):
+        units = 1 / np.sqrt(inertia)
+        natural = sizes / units
+        found = part * np.max(natural[np.isfinite(natural)], initial=0.0) * units
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _extents(problem: Any, pairs: list[tuple[float | None, float | None]], inertia: Array) -> Array:
