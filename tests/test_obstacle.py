@@ -199,6 +199,22 @@ def test_ends_that_nearly_lie_on_an_axis_of_a_disc(through):
     assert sol.action == pytest.approx(before + around(begin, B, leg)[1], rel=1e-12)
 
 
+@pytest.mark.long
+def test_two_discs_have_four_ways_round_them():
+    """Two of one length, as one is the other turned about: on either side of each."""
+    discs, A, B = body(disc(x=-2), disc(x=2)), (-4.0, 0.1), (4.0, 0.1)
+    paths = ao.solve_all(ao.Problem(discs, ao.Event(0, A), ao.Event(1, B)), starts=0)
+    sides = [tuple(path([0.25, 0.75])[1] > 0) for path in paths]
+    assert sorted(sides) == [(False, False), (False, True), (True, False), (True, True)]
+    lengths, straight = [], np.sqrt(2**2 + 0.1**2 - 1)
+    for first, last in ((0.1, 0.1), (-0.1, -0.1), (0.1, -0.1)):  # above the side it passes
+        turns = [np.pi - np.arctan2(y, 2) - np.arctan(straight) for y in (first, last)]
+        leaves, between = (np.pi / 2, 4.0) if first == last else (np.pi / 3, np.sqrt(12))
+        lengths.append(2 * straight + between + sum(turns) - 2 * leaves)
+    expected = np.array([*lengths, lengths[-1]])
+    assert [path.action for path in paths] == pytest.approx(expected**2 / 2, rel=1e-12)
+
+
 @pytest.mark.slow
 def test_both_ways_round_discs_that_overlap():
     """Above the upper one, and below the lower one: each is the longer way round one disc."""
@@ -1108,7 +1124,7 @@ def test_the_other_side_of_a_disc():
     sol = ao.solve(
         ao.Problem(body(disc()), ao.Event(0, (-2, 0.3)), ao.Event(1, (2, 0.1))), tol=1e-4
     )
-    (curve,) = other_sides(sol.discrete)
+    (curve,) = other_sides(sol.discrete, sol.contacts)
     above, below = sol(0.5)[1], curve(0.5)[1]
     assert above > 0.9 and below < -0.9
     assert curve([0.0, 1.0]) == pytest.approx(sol([0.0, 1.0]))

@@ -57,7 +57,7 @@ class Status(Enum):
         "no stationary path was found: (a) there may be none between these events, (b) the "
         "straight line between them, or the guess, is too far from one, or (c) the Lagrangian is "
         "not smooth or not finite on the way; try another guess, a shorter duration, "
-        "principle='least', or `trace` from a problem nearby that is solved"
+        "or `trace` from a problem nearby that is solved"
     )
 
     def __str__(self) -> str:

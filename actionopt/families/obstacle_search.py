@@ -7,7 +7,6 @@ import numpy as np
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import measures
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_contacts import lines
 
@@ -28,6 +27,5 @@ def curves(problem: Problem, starts: int, seed: int) -> list[Path | None]:
     )
     drawn = np.random.default_rng(seed).standard_normal((starts, problem.system.n, CURVE_WAVES))
     drawn *= np.resize(SIDE_SPREAD, starts)[:, None, None] / np.arange(1, CURVE_WAVES + 1)
-    sizes = 2.0 ** measures(problem.lengths)[:, None]
-    aside = [sign * sizes * (a @ sines) for a in drawn for sign in (1, -1)]
+    aside = [sign * problem.measures[:, None] * (a @ sines) for a in drawn for sign in (1, -1)]
     return [*lines(problem, mesh), *(Path(mesh, line + away) for away in aside)]

@@ -46,6 +46,7 @@ from actionopt.families.surface_search import points
 from actionopt.families.trace import trace
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.between import Choices
+from actionopt.solver.first_contacts import other_sides
 from actionopt.solver.ipopt import find
 from actionopt.solver.nearest_points import motions as motions_to_surfaces
 from actionopt.solver.nearest_points import paths_to_points
@@ -208,6 +209,12 @@ class Answers:
             how = "the straight line" if guess is None else "a curve to a side"
             self.tell("curves to all sides", i, len(guesses), how)
             yield Start(self.classes[0], guess, how)
+        for i, (solution, _, _) in enumerate(self.found):  # grows on the way
+            if not solution.contacts:
+                continue
+            for guess in other_sides(solution.discrete, solution.contacts):
+                self.tell("other sides", i, len(self.found), "curves across a contact")
+                yield Start(self.classes[0], guess, "a curve across a contact")
 
     def _on_surfaces(self, starts: int, shots: int) -> Iterator[Start]:
         """Yield paths to points all over the surfaces, and motions that come to the end later."""

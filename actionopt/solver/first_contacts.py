@@ -138,7 +138,7 @@ def contact_parts(found: DiscretePath) -> tuple[Arc, ...]:
     return tuple(arcs)
 
 
-def other_sides(found: DiscretePath) -> list[Path]:
+def other_sides(found: DiscretePath, arcs: tuple[Arc, ...]) -> list[Path]:
     """Return curves that pass the obstacle on its other side, one for each part in contact.
 
     Each curve moves the middle of its part straight across, and the path with it as far as the
@@ -146,9 +146,9 @@ def other_sides(found: DiscretePath) -> list[Path]:
     have no such curve.
     """
     held, mesh, curves = contacts_of(found.problem), found.mesh, []
+    parameters = held.parameters
     if held.system.n == 1:
         return []
-    arcs, parameters = contact_parts(found), held.parameters
     sizes = held.measures
     for arc in arcs:
         events = [e.t for e in held.joints_found]

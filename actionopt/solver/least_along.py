@@ -275,7 +275,7 @@ def _both_sides(ws: Along, mesh: Mesh, first: list[Iterate]) -> list[Iterate]:
     compared: list[Iterate] = []
     while _another(least := min(first, key=lambda found: found.action), compared):
         compared.append(least)
-        for guess in other_sides(least):
+        for guess in other_sides(least, contact_parts(least)):
             ws.restart()
             if touch(ws, mesh, guess, "least"):
                 first.append(ws.here)
