@@ -14,6 +14,7 @@ from actionopt.discrete.factors import (
     kkt_nonzeros,
     negative_eigenvalues,
     product,
+    solve_inside,
 )
 from actionopt.discrete.layout import border_matrix
 from actionopt.discrete.mesh import Mesh
@@ -440,3 +441,24 @@ def test_a_matrix_near_another_is_solved_by_its_factors():
     right = np.random.default_rng(0).standard_normal(at.z.size)
     assert near.is_refined != at.tr.layout.small
     np.testing.assert_allclose(full(at.tr.layout, other) @ near.solve(right), right, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["free", "sphere"])
+def test_what_is_inside_elements_is_solved_for_element_by_element(monkeypatch, kind):
+    """Elements of one degree share a pattern; where elements meet nothing moves."""
+    monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
+    system = System(springs, list("xyz"), constraint=sphere if kind == "sphere" else None)
+    problem = Problem(system, Event(0, [0, 0, 0]), Event(1, [1, 1, 1]))
+    tr = Transcription(problem, Mesh(np.linspace(0, 1, 5), [3, 4, 3, 4]), np.ones(3))
+    layout = tr.layout
+    random = np.random.default_rng(0)
+    nonzeros, right = (
+        tr.kkt(random.uniform(-1, 1, layout.size)),
+        random.normal(size=(layout.size, 2)),
+    )
+    inside = ~np.isin(np.r_[layout.free // 3, layout.row_node], layout.offsets)
+    found, known = solve_inside(layout, nonzeros, right), np.zeros_like(right)
+    known[inside] = np.linalg.solve(full(layout, nonzeros)[np.ix_(inside, inside)], right[inside])
+    np.testing.assert_allclose(found, known, rtol=1e-6, atol=1e-6 * np.abs(known).max())
+    inner = [x.analysed.sparsity().nnz() for k, x in layout.solvers.items() if "inside " in k]
+    assert sum(inner) < layout.kkt.nnz / 2

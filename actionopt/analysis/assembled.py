@@ -22,7 +22,7 @@ from actionopt.analysis.second_variation import (
 )
 from actionopt.discrete.blocks import Condensed, in_parts
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import SparseFactors, diagonal, solve_part
+from actionopt.discrete.factors import SparseFactors, diagonal, solve_inside
 from actionopt.discrete.mesh import Group
 from actionopt.mechanics.scales import diagonal as diagonal_of
 from actionopt.tools.immutable import immutable
@@ -179,21 +179,15 @@ class AssembledForm:
 
     def _fill_elements(self, ends: Array) -> Array:
         """Return variations (K, n, c) that are `ends` (N + 1, n, c) where elements meet."""
-        tr, layout = self.at.tr, self.at.tr.layout
-        n, unknowns = ends.shape[1], layout.unknowns
+        tr, layout, n = self.at.tr, self.at.tr.layout, ends.shape[1]
         eta = np.zeros((layout.node_count, *ends.shape[1:]))
         eta[layout.offsets] = ends
-        inside = np.ones(layout.node_count, dtype=bool)
-        inside[layout.offsets] = False
-        keep = inside[np.concatenate([layout.free // n, layout.row_node])]
-        if not keep.any():
-            return eta
-        own = keep[:unknowns]
-        node, place = np.divmod(layout.free[own], n)
-        for some in in_parts(ends.shape[2], layout.size):
-            load = -self.loads(self.forces(eta[:, :, some]))[keep]
-            found = solve_part(layout, self.matrix, keep, load)[: int(own.sum())]
-            eta[node, place, some] = found * tr.x_unit[own, None]
+        inside = ~np.isin(layout.free // n, layout.offsets)
+        node, place = np.divmod(layout.free[inside], n)
+        for some in in_parts(ends.shape[2] * inside.any(), layout.size):
+            load = -self.loads(self.forces(eta[:, :, some]))
+            found = solve_inside(layout, self.matrix, load)[: layout.unknowns][inside]
+            eta[node, place, some] = found * tr.x_unit[inside, None]
         return eta
 
     def loads(self, forces: Array) -> Array:

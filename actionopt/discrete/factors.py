@@ -16,7 +16,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.layout import (
@@ -292,7 +291,9 @@ class Factors:
         """Return the number of negative pivots, however they are rounded."""
         if self.layout.small:
             return self.negative()
-        return (self._kept_solver if self._pays else self._pivots).negative()
+        if self._pays or (self.layout.storage == "sparse" and self.layout.needs_no_pivoting):
+            return negative_pivots(self.layout, self._regular)
+        return self._pivots.negative()
 
     @property
     def _pivots(self) -> Condensed | _Edged | SparseFactors:
@@ -496,10 +497,8 @@ class SparseFactors:
 
     def negative(self) -> int:
         """Return the number of negative pivots."""
-        if "_factors" not in self.__dict__:
-            matrix, solver = _matrix(self._layout, self._values), _solver(self._layout, "ldl")
-            solver.analysed.nfact(matrix)
-            return int(solver.analysed.neig(matrix))
+        if not self._layout.keeps_factors and "_factors" not in self.__dict__:
+            return negative_pivots(self._layout, self._values)
         return int(np.sum(self._factors[0].full() < 0))
 
     @property
@@ -669,22 +668,52 @@ def expected_seconds(layout: MatrixLayout) -> float:
     return STEP_SECONDS * layout.kkt.nnz**STEP_POWER
 
 
-def solve_part(
-    layout: MatrixLayout, nonzeros: Array, keep: NDArray[np.bool_], right: Array
-) -> Array:
-    """Return the solutions (k, c) with the k rows and columns to `keep` (size,).
+def solve_inside(layout: Layout, nonzeros: Array, right: Array) -> Array:
+    """Return the solutions (size, c) with the rows and columns inside elements, others zero.
 
-    The same are kept each time: how they are factorized is found once.
+    Elements of one degree have one pattern, that is analysed once.
     """
-    key = f"part {right.shape[1]}"
-    if key not in layout.solvers:
-        number, pattern = np.cumsum(keep) - 1, layout.kkt
-        mine = keep[pattern.row] & keep[pattern.col]
-        shape = int(keep.sum()), int(keep.sum())
-        part = Pattern(shape, number[pattern.row[mine]], number[pattern.col[mine]], mine)
-        layout.solvers[key] = Sparse(part, "ldl", right.shape[1]), mine
-    solver, mine = layout.solvers[key]
-    return solver(_regular(layout, kkt_nonzeros(layout, nonzeros))[mine], right.T).T
+    parts = layout.solvers.get("inside")
+    if parts is None:
+        parts = layout.solvers["inside"] = [_inside(layout, g.elements) for g in layout.groups]
+    values, found = _regular(layout, kkt_nonzeros(layout, nonzeros)), np.zeros_like(right)
+    for k, (pattern, places, entries) in enumerate(parts):
+        key = f"inside {k}, {right.shape[1]}"
+        if key not in layout.solvers:
+            layout.solvers[key] = Sparse(pattern, "ldl", right.shape[1])
+        for at, own in zip(places, entries, strict=True):
+            found[at] = layout.solvers[key](values[own], right[at].T).T
+    return found
+
+
+def _inside(layout: Layout, elements: NDInt) -> tuple[Pattern, NDInt, NDInt]:
+    """Return the pattern inside each element of one degree, and of all the places and nonzeros.
+
+    Arrays (E, places) and (E, nonzeros).
+    """
+    of_node = np.full(layout.node_count, -1)
+    for e in elements:
+        of_node[layout.offsets[e] + 1 : layout.offsets[e + 1]] = e
+    own = of_node[np.concatenate([layout.free // layout.width, layout.row_node])]
+    places = np.argsort(own, kind="stable")[np.sum(own < 0) :].reshape(len(elements), -1)
+    number, (row, col) = np.zeros(layout.size, dtype=int), (layout.kkt.row, layout.kkt.col)
+    number[places] = np.arange(places.shape[1])
+    mine = np.flatnonzero((own[row] == own[col]) & (own[row] >= 0))
+    row, col = row[mine], col[mine]
+    entries = mine[np.lexsort((number[row], number[col], own[row]))].reshape(len(elements), -1)
+    one, shape = entries[0], (places.shape[1], places.shape[1])
+    return (
+        Pattern(shape, number[layout.kkt.row[one]], number[layout.kkt.col[one]], one),
+        places,
+        entries,
+    )
+
+
+def negative_pivots(layout: MatrixLayout, nonzeros: Array) -> int:
+    """Return the number of negative pivots of a sparse matrix, whose factors are not kept."""
+    matrix, solver = _matrix(layout, nonzeros), _solver(layout, "ldl")
+    solver.analysed.nfact(matrix)
+    return int(solver.analysed.neig(matrix))
 
 
 def negative_eigenvalues(layout: MatrixLayout, nonzeros: Array) -> int:
