@@ -15,7 +15,9 @@ import actionopt as ao
 from actionopt.families import centres
 from actionopt.families.centres import FIRST_DISTANCE, _fates, guesses
 from actionopt.mechanics.rest import rest
+from actionopt.solver import revisions
 from actionopt.solver.solve import solve_near
+from actionopt.solver.strategies import GUESS_ONLY
 from actionopt.solver.window import explain_short_window, for_search, restrict_guess
 
 INF = math.inf
@@ -448,3 +450,23 @@ def test_a_search_has_a_longer_window_with_given_ends():
     back = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
     with pytest.raises(ValueError, match="from one back to itself"):
         for_search(ao.Problem(back, ao.Event(-np.inf, [0.0]), ao.Event(np.inf, [0.0])), 1e-8)
+
+
+@pytest.mark.long
+def test_a_path_nowhere_near_rest_is_followed_by_itself_alone(monkeypatch):
+    """Over a wall that is open far aside, to where nothing comes to rest."""
+    asked, inner = [], revisions._on_window
+    monkeypatch.setattr(
+        revisions,
+        "_on_window",
+        lambda problem, guess, choices: asked.append(choices) or inner(problem, guess, choices),
+    )
+
+    def L(q, v, t):
+        return v @ v / 2 + (1 - q[0] ** 2) ** 2 / 2 + q[1] ** 2 / 2 - 3 * np.exp(-20 * q[0] ** 2)
+
+    ends = ao.Event(0.0, [-0.9, 0.1]), ao.Event(np.inf, [1.0, 0.0])
+    found = ao.solve(ao.Problem(ao.System(L, ["x", "y"]), *ends), throw=False)
+    assert not found.success
+    first, *others = (choices.strategies == GUESS_ONLY for choices in asked)
+    assert not first and others and all(others)
