@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field, fields
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -444,8 +444,10 @@ class Problem:
 
     def _at_times(self, start: Event, end: Event) -> Problem:
         """Return the problem with times at its ends, of which the rest is known to be good."""
-        others = {f.name: getattr(self, f.name) for f in fields(self)}
-        problem = make_unchecked(Problem, **others | {"start": start, "end": end, "asked": self})
+        laws = {"system": self.system, "laws": self.laws, "plain": self.plain}
+        given = {"parameters": self.parameters, "packed": self.packed, "energy": self.energy}
+        given |= {"through": self.through, "integral": self.integral, "asked": self}
+        problem = make_unchecked(Problem, start=start, end=end, **laws, **given)
         problem._check_times()
         return problem
 
