@@ -23,7 +23,7 @@ from helpers import slow
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
-from actionopt.families import batch, budget
+from actionopt.families import batch, budget, continuation
 from actionopt.families import sweep as module
 from actionopt.families.grid import Grid
 from actionopt.families.path_store import PackedPaths
@@ -396,7 +396,8 @@ def test_an_unexpected_exception_loses_one_member_alone(name, monkeypatch):
     monkeypatch.setattr(batch, name, fails)
     monkeypatch.setattr(batch, "_can_be_stacked", lambda *_: False)
     if name == "solve":  # which is asked last
-        monkeypatch.setattr(batch, "solve_near", lambda p, *_: replace(ao.solve(p), status=LOST))
+        for room in (batch, continuation):
+            monkeypatch.setattr(room, "solve_near", lambda p, *_: replace(ao.solve(p), status=LOST))
     runs = ao.sweep(PENDULUM, {"t1": [1.2, 1.25, 1.3]})
     assert runs.status.tolist() == ["SOLVED", "ERROR", "SOLVED"]
     assert runs.messages == {1: "AssertionError: no iterate"}

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import moves_of
+from actionopt.discrete.borders import moves_of, times_of
 from actionopt.discrete.boundaries import carry_boundaries
 from actionopt.discrete.contact_times import ContactEquations
 from actionopt.discrete.discrete_path import DiscretePath
@@ -133,6 +133,31 @@ class Branch:
     bordered: Bordered | ContactEquations | None = None  # where more than the path is to be found
     last: tuple[float, Transcription] | None = None  # what was asked for, and what it is
     solves: int = 0  # linear systems so far
+
+    @classmethod
+    def begin(
+        cls,
+        family: Callable[[float], Problem],
+        known: Problem,
+        path: Path,
+        rows: Array | None,
+        lengths: Array,
+        ahead: tuple[float, float, float],
+    ) -> tuple[Branch, BranchPoint]:
+        """Return the branch through a path, with multipliers `rows` (K, m), and its point there.
+
+        `known` is the path's problem with what was found; `ahead` are s, its range, and the sign
+        with which it is to change.
+        """
+        s, reach, sign = ahead
+        problem = family(s)
+        instants = () if problem.free_time or problem.is_joined else switches_of(problem)
+        branch = cls(family, path.mesh, instants, lengths, reach, times=times_of(known))
+        branch.kappa = None if problem.integral is None else known.kappa
+        if isinstance(known, Held):
+            branch.arcs = known.arcs or ()
+        lam = None if rows is None else np.nan_to_num(rows)
+        return branch, branch.first(branch.first_unknowns(path, lam, s), s, sign)
 
     def first_unknowns(self, path: Path, lam: Array | None, s: float) -> Array:
         """Return the unknowns of the path at s, from which the branch is to begin."""

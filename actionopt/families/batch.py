@@ -33,6 +33,7 @@ from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, compile_funct
 from actionopt.discrete.unsampled import may_have_unsampled
 from actionopt.families.budget import Budget, Exhausted
 from actionopt.families.common_mesh import denser, even, transfer_matrix
+from actionopt.families.continuation import LEAP, NEAR, continued, disagree
 from actionopt.families.members import Members, checked_columns, member, refusal
 from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
 from actionopt.families.vary import lead_to, position_in_parameters, slope, slope_along
@@ -66,7 +67,6 @@ MORE_DEGREES = 4  # that tell what a mesh has left out
 MESH_LEVELS = 4  # meshes that a member is tried on, each finer
 INDEX_MESHES = 4  # on which indices are counted together
 MEMBERS_BEFORE = 6  # members before one that is solved alone, by which its path is expected
-LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 # Amplified round-off, as it is and against a mesh's first member, from where on `solve` is to count
 # whether a member is one of a family. Measured: of 400 families in all directions 2.4e-7 and more.
 # On a mesh of many elements round-off moves its first member farther, of which `solve` found that
@@ -177,7 +177,7 @@ class _Members:
         self.iterations = np.zeros(k, dtype=int)
         self.momenta = np.full((k, 2, n), np.nan)
         self.alone, self.decided, self.known, self.doubtful = np.zeros((4, k), dtype=bool)
-        self.unsought = np.zeros(k, dtype=bool)
+        self.unsought, self.departed, self.turned = np.zeros((3, k), dtype=bool)
         self.values: list[Array] = [np.zeros((n, 0))] * k
         self.meshes: list[Mesh] = []
         self.messages: dict[int, str] = {}
@@ -221,10 +221,12 @@ class _Members:
                 for i in way:
                     found = given.get(i)
                     if not self.decided[i]:
-                        found = self._solve(i, self._expect(i, near), next(reversed(near)))
+                        (*_, j), (*_, last) = near, near.values()
+                        found = self._solve(i, self._expect(i, near), j, last)
                     if found is not None and found.success:
                         *_, last = near.values()
                         alike = _have_one_shape(found.mesh, last.mesh)
+                        alike &= not self.departed[i]
                         kept = list(near.items())[1 - MEMBERS_BEFORE :] if alike else []
                         near = dict([*kept, (i, found)])
             return
@@ -276,11 +278,17 @@ class _Members:
     # -- one by one ------------------------------------------------------------------------------
 
     def _solve(
-        self, i: int, guess: Guess | None, neighbour: int = -1, again: bool = False
+        self,
+        i: int,
+        guess: Guess | None,
+        neighbour: int = -1,
+        near: Solution | None = None,
+        again: bool = False,
     ) -> Solution | None:
         """Solve a member alone; None if it is refused, or if that fails unexpectedly.
 
-        Near a guess, then from nothing as `solve` does; `again`, as `solve` does from the guess.
+        Near a guess, as it goes on from a `neighbour`, which has a path `near`; then from nothing
+        as `solve` does; `again`, as `solve` does from the guess.
         """
         self.alone[i] = self.decided[i] = True
         self.neighbour[i] = neighbour
@@ -295,6 +303,8 @@ class _Members:
                 found = self._search(i, problem, guess)
             elif guess is not None:
                 found = refuse_rest(solve_near(problem, guess, self.tol))
+                if neighbour >= 0 and (found.success or not self.turned[neighbour]):
+                    found = self._continue(i, (neighbour, near), guess, found)
                 if found.success:
                     steps = sum(found.stats["iterations"].values())
                     self.budget.well += steps * found.mesh.elements
@@ -317,6 +327,21 @@ class _Members:
         self.iterations[i] += sum(found.stats["iterations"].values())
         self.momenta[i], self.slopes[i] = found.momenta, slopes
         self._hold(i, found)
+        return found
+
+    def _continue(
+        self, i: int, near: tuple[int, Solution | None], guess: Guess, found: Solution
+    ) -> Solution:
+        """Return the path of a member that goes on from one `near`, or what was found."""
+        j, before = near
+        expected = guess.path if isinstance(guess, Solution) else guess
+        assert isinstance(expected, Path)
+        ends = tuple({name: float(x[k]) for name, x in self.columns.items()} for k in (j, i))
+        if before is None:
+            problem = member(self.problem, self.columns, j)
+            before = solve_near(problem, self._path(j), self.tol)
+        found, goes_on, turned = continued(before, ends, found, expected, self.tol)
+        self.departed[i], self.turned[j] = not goes_on, self.turned[j] or turned
         return found
 
     def _expect(self, i: int, near: Mapping[int, Solution]) -> Solution:
@@ -344,7 +369,9 @@ class _Members:
         """Search as `solve` does, from nothing if the budget is spent; None where that ended it."""
         guess, before = guess if self.budget.allows else None, self.budget.vain
         if any(status.success for status in self.status):
-            self.budget.begin(int((~self.decided).sum()))
+            j = self.neighbour[i]
+            turned = j >= 0 and bool(self.turned[j])
+            self.budget.begin(int((~self.decided).sum()), turned=turned)
         try:
             found = solve(
                 problem, tol=self.tol, guess=guess, throw=False, progress=self.budget.count
@@ -360,14 +387,14 @@ class _Members:
     def _leave(self, i: int, neighbour: int, again: bool) -> None:
         """Leave a member to `solve`, from a neighbour."""
         expected = self._predict(np.array([i]), np.array([neighbour]))[0]
-        found = self._solve(i, self._path(neighbour), neighbour, again)
+        found = self._solve(i, self._path(neighbour), neighbour, again=again)
         if found is not None and found.success:
             self._know(i, found.path)
             size = np.abs(self.seeds[i]).max(axis=0)
             apart = np.abs(self.seeds[i] - expected).max(axis=0) / np.where(size > 0, size, 1.0)
             self.moved[i] = apart.max()
-            leapt = self.moved[i] > LEAP
-            self.sheet[i] = self.sheet.max() + 1 if leapt else self.sheet[neighbour]
+            apart = self.departed[i]
+            self.sheet[i] = self.sheet.max() + 1 if apart else self.sheet[neighbour]
 
     def _path(self, i: int) -> Path:
         """Return the path of a member."""
@@ -519,9 +546,31 @@ class _Members:
             self.status[j], self.values[j] = Status.SOLVED, row.T
         if i.size:
             self.slopes[i] = self._slopes(at.shape, i, found.Q[good])
-        if self.counting:
-            self._count(at, i, found.Q[good])
+        far = self.moved[i] > NEAR
+        counted = np.ones(i.size, dtype=bool) if self.counting else far
+        self._count(at, i[counted], found.Q[good][counted])
+        for j in i[far][self._departs(i[far])].tolist():
+            self._drop(j)
         return np.flatnonzero(sound & ~within)
+
+    def _departs(self, which: NDInt) -> NDInt:
+        """Return which members are of another kind than their neighbours, as far as that shows."""
+        near = self.neighbour[which]
+        step = np.stack([x[which] - x[near] for x in self.columns.values()], axis=1)
+        before, after = ((self.slopes[k] * step).sum(axis=1) for k in (near, which))
+        off = disagree(self.action[which] - self.action[near], before, after)
+        self._index_alone(near[self.index[near] < 0])
+        return off | (self.index[which] != self.index[near])
+
+    def _drop(self, i: int) -> None:
+        """Forget the path of a member, which is to be found from a nearer one."""
+        self.status[i], self.decided[i] = Status.NOT_FOUND, False
+        self.action[i], self.error[i], self.momenta[i], self.slopes[i] = (
+            np.nan,
+            np.inf,
+            *[np.nan] * 2,
+        )
+        self.index[i] = self.mesh[i] = -1
 
     def _may_have_unsampled(self, at: _MeshLevel, which: NDInt, Q: Array) -> Array:
         """Return on the paths of which members L may have steps between samples, (C,)."""
@@ -568,6 +617,10 @@ class _Members:
             found = indices(at.finer[k], self.times[which], self.packed[which], there, self.tol)
             self.index[which] = found
             which, Q = which[found < 0], Q[found < 0]
+        self._index_alone(which)
+
+    def _index_alone(self, which: NDInt) -> None:
+        """Count the indices of members one by one."""
         for i in which.tolist():
             alone = DiscretePath.of(member(self.problem, self.columns, i), self._path(i))
             with suppress(ValueError):  # there is none

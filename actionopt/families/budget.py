@@ -19,6 +19,8 @@ from actionopt.solver.search import BUDGET
 FREE_BUDGET = 3 * BUDGET
 # Less where few members are left: two searches in vain, and for each what one that succeeds takes.
 FEW_LEFT, EACH_LEFT = 12_000, 2_000
+# Least where the branch turns back before a member: what the dearest search that succeeds takes.
+PAST_FOLD = 3_000
 BRIEF = 300  # of a search beyond that; descents that succeed take 80 to 170, on five maps
 
 
@@ -43,16 +45,21 @@ class Budget:
         if self.vain > self.most:
             raise Exhausted
 
-    def begin(self, left: int) -> None:
+    def begin(self, left: int, *, turned: bool) -> None:
         """Limit a search beside known paths, where so many members are left.
 
         The first search sets the budget, by the members left. A search may cost all of it until
-        one finds a path; little where nothing is left.
+        one finds a path; little where nothing is left, or the branch of a neighbour `turned` back.
         """
         if self.limited and not (self.vain or self.found):
             self.limit = min(FREE_BUDGET, FEW_LEFT + EACH_LEFT * left)
-        if self.allows:
-            self.most = math.inf if self.found else self.limit + self.well
+        past_fold = self.limited and turned
+        if past_fold and not self.found:
+            self.limit = min(self.limit, PAST_FOLD)
+        if self.allows and self.found:
+            self.most = self.vain + PAST_FOLD if past_fold else math.inf
+        elif self.allows:
+            self.most = self.limit + self.well
         else:
             self.most = self.vain + BRIEF
 

@@ -21,9 +21,8 @@ from actionopt.analysis.monodromy import transport_matrix
 from actionopt.analysis.regular import index_on_mesh, regular_index
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
-from actionopt.discrete.arclength import STRAIGHT_STEP, Branch, BranchPoint, Discrete, switches_of
+from actionopt.discrete.arclength import STRAIGHT_STEP, Branch, BranchPoint, Discrete
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import times_of
 from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import Imbalance
@@ -239,17 +238,10 @@ class _TraceRun:
 
         `known` is its problem with what was found.
         """
-        problem, reach = self.family(s), self.goal - self.origin
-        instants = () if problem.free_time or problem.is_joined else switches_of(problem)
-        self.branch = Branch(self.family, path.mesh, instants, lengths, reach)
-        self.branch.times = times_of(known)
-        self.branch.kappa = None if problem.integral is None else known.kappa
-        if isinstance(known, Held):
-            self.branch.arcs = known.arcs or ()
-        lam = None if rows is None else np.nan_to_num(rows)
-        z = self.branch.first_unknowns(path, lam, s)
+        ahead = s, self.goal - self.origin, sign
+        self.branch, first = Branch.begin(self.family, known, path, rows, lengths, ahead)
         self.counted = None
-        self._append(self.branch.first(z, s, sign))
+        self._append(first)
 
     def end(self, why: str) -> None:
         """Say why it ended at the last point, short of the goal."""

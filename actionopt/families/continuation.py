@@ -1,0 +1,147 @@
+"""From the path of one member of a family to that of a neighbour, along the branch between them.
+
+Newton's method from a neighbour's path may lead to another kind of path. Where that is so the
+action does not change between the two as its derivatives tell, or the index changes. The branch on
+which the question changes evenly, followed by its arclength, leads to the path that goes on; where
+it turns back first, at a fold, none does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.arclength import STRAIGHT_STEP, Branch
+from actionopt.discrete.path import Path
+from actionopt.families.vary import Name, lead_to, slope_along, with_values
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.solve import refuse_rest, solve_near
+from actionopt.tools.types import Array, NDInt
+
+Values = Mapping[Name, float]
+
+# Ad hoc: of a path's size, from where it was expected: so near one goes on as its neighbours do,
+# and so far it is looked at along the branch.
+NEAR, LEAP = 0.05, 0.5
+# How far an action may be from what its slopes at both members tell, in parts of how much these
+# differ, and of its change. Measured on 15 maps, of paths in between those distances: beyond are
+# 17 of 250 that go on, within are 5 of 11 of another kind, and of another index.
+BESIDE, SAME_CHANGE = 0.25, 1e-3
+# Ad hoc: the first step and the longest one, in parts of what changes on the way or, if that is
+# less, of the coordinates' sizes; how many are tried, what one is that is straight, and the least
+# change.
+FIRST, LONGEST, MOST_STEPS, STRAIGHT, LEAST_RATE = 0.25, 1.0, 24, 0.99, 1e-3
+
+
+class Continued(NamedTuple):
+    """The path of a member beside a neighbour, or the best attempt.
+
+    Whether it goes on from that; or whether the branch turned back before.
+    """
+
+    found: Solution
+    goes_on: bool
+    turned: bool = False
+
+
+class _Branch(NamedTuple):
+    """Where a branch leads: a path at the end of the way, or whether it turned back before."""
+
+    path: Path | None
+    turned: bool
+
+
+def continued(
+    near: Solution,
+    ends: tuple[Values, Values],
+    found: Solution,
+    expected: Path,
+    tol: float,
+) -> Continued:
+    """Return the path at the second values that goes on from that `near`, at the first ones.
+
+    It is `found`, from where it was `expected`, if that goes on or none does.
+    """
+    if found.success and _goes_on(near, ends, found, expected):
+        return Continued(found, True)
+    try:
+        path, turned = _follow(near, *ends)
+    except ValueError:  # there is no question on the way
+        return Continued(found, False)
+    if path is None:
+        return Continued(found, False, turned)
+    other = refuse_rest(solve_near(found.problem, lead_to(path, found.problem), tol))
+    return Continued(other, True) if other.success else Continued(found, False)
+
+
+def disagree(rise: Array, before: Array, after: Array) -> NDInt:
+    """Return where actions do not change as their slopes tell, (C,).
+
+    They `rise` from one member to another by the integral of a slope, which is about the mean of
+    those at both, `before` and `after`. NaN where there are none, which tells nothing.
+    """
+    off = np.abs(rise - (before + after) / 2)
+    return off > BESIDE * np.abs(after - before) + SAME_CHANGE * np.abs(rise)
+
+
+def _goes_on(near: Solution, ends: tuple[Values, Values], found: Solution, expected: Path) -> bool:
+    """Whether a path is near enough to where it was expected, or else tells that it goes on."""
+    nodes = expected.mesh.nodes
+    size = np.abs(expected.values).max(axis=1)
+    moved = np.abs(found(nodes) - expected.values).max(axis=1) / np.where(size > 0, size, 1.0)
+    if moved.max() <= NEAR:
+        return True
+    step = np.array([ends[1][name] - ends[0][name] for name in ends[1]])
+    before, after = (slope_along(one, ends[1]) @ step for one in (near, found))
+    rise = np.array(found.action - near.action)
+    if moved.max() > LEAP or disagree(rise, before, after):
+        return False
+    with suppress(ValueError):  # there is no index
+        return near.morse_index == found.morse_index
+    return True
+
+
+def _follow(near: Solution, start: Values, end: Values) -> _Branch:
+    """Follow the branch of a path at some values to others.
+
+    Raises ValueError where there is no question on the way.
+    """
+    family, at = partial(_between, near.problem, start, end), near.discrete
+    ahead = 0.0, 1.0, 1.0
+    branch, here = Branch.begin(family, at.problem, at.path, at.rows, at.tr.lengths, ahead)
+    # The way counts as what changes along it does: near a fold that turns sharply else.
+    rate = np.sqrt(max(1 / here.direction[-1] ** 2 - 1, LEAST_RATE**2))
+    unit = min(rate, 1.0)
+    branch.range = 1 / unit
+    here = replace(here, direction=here.direction / branch.norm(here.tr, here.direction))
+    length, longest = FIRST * unit, LONGEST * unit
+    for left in range(MOST_STEPS, 0, -1):
+        taken = branch.step(here, length)
+        angle = 0.0 if taken is None else branch.angle(here, taken[0])
+        if taken is None or angle < STRAIGHT_STEP:
+            length /= 2
+            continue
+        there, corrections = taken
+        if there.s >= 1:
+            last = branch.to(there, 1.0) or branch.to(here, 1.0)
+            return _Branch(None if last is None else last.path, turned=False)
+        if there.direction[-1] <= 0:
+            return _Branch(None, turned=True)
+        if angle > STRAIGHT and corrections <= 3:
+            length = min(2 * length, longest)
+        here = there
+        if length == longest and left * length * here.direction[-1] < 1 - here.s:  # it runs away
+            break
+    return _Branch(None, turned=False)
+
+
+def _between(problem: Problem, start: Values, end: Values, part: float) -> Problem:
+    """Return the problem at values a part of the way from some to others."""
+    values = {name: (1 - part) * start[name] + part * end[name] for name in end}
+    return with_values(problem, values)
