@@ -287,11 +287,20 @@ def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatc
     monkeypatch.setattr(batch, "solve_near", lambda p, guess, tol: counted(p, tol, guess))
     runs = ao.sweep(problem, over)
     assert np.array_equal(runs.failed, missing)
-    # Beside the fold, then far from there, up to the budget, which ends the second one.
-    assert tried == [over["lam"][missing][-1], over["lam"][0]]
-    assert runs.unsought.sum() == missing.sum() - 1
-    counts = f"{missing.sum()} not found, {missing.sum() - 1} of them not searched for at length"
+    # Beside the fold, where the branch turns back, up to what a search that succeeds takes.
+    assert tried == [over["lam"][missing][-1]]
+    assert np.array_equal(runs.unsought, missing)
+    counts = f"{missing.sum()} not found, {missing.sum()} of them not searched for at length"
     assert f"; {counts}: runs.retry())" in repr(runs)
+
+
+@pytest.mark.parametrize("over", [{}, {"g": [5.0]}], ids=["one by one", "together"])
+def test_a_map_stays_with_its_kind_of_path_past_half_a_period(over):
+    """There the path that goes on moves ever faster, and Newton's method leads to a saddle."""
+    problem = PENDULUM.replace(parameters={"g": 5.0})
+    runs = ao.sweep(problem, {**over, "t1": np.linspace(0.4, 2.2, 7)}, record="index")
+    assert (runs.index == 0).all()
+    assert (np.diff(runs.momenta[..., 0, 0]) > 0).all()
 
 
 def test_a_parameter_may_be_called_as_an_array_is(tmp_path):

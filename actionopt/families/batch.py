@@ -33,7 +33,7 @@ from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, compile_funct
 from actionopt.discrete.unsampled import may_have_unsampled
 from actionopt.families.budget import Budget, Exhausted
 from actionopt.families.common_mesh import denser, even, transfer_matrix
-from actionopt.families.continuation import LEAP, NEAR, continued, disagree
+from actionopt.families.continuation import BESIDE, FAR_OFF, LEAP, NEAR, continued, disagree
 from actionopt.families.members import Members, checked_columns, member, refusal
 from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
 from actionopt.families.vary import lead_to, position_in_parameters, slope, slope_along
@@ -336,11 +336,11 @@ class _Members:
         j, before = near
         expected = guess.path if isinstance(guess, Solution) else guess
         assert isinstance(expected, Path)
-        ends = tuple({name: float(x[k]) for name, x in self.columns.items()} for k in (j, i))
+        start, end = ({name: float(x[k]) for name, x in self.columns.items()} for k in (j, i))
         if before is None:
             problem = member(self.problem, self.columns, j)
             before = solve_near(problem, self._path(j), self.tol)
-        found, goes_on, turned = continued(before, ends, found, expected, self.tol)
+        found, goes_on, turned = continued(before, (start, end), found, expected, self.tol)
         self.departed[i], self.turned[j] = not goes_on, self.turned[j] or turned
         return found
 
@@ -546,10 +546,10 @@ class _Members:
             self.status[j], self.values[j] = Status.SOLVED, row.T
         if i.size:
             self.slopes[i] = self._slopes(at.shape, i, found.Q[good])
-        far = self.moved[i] > NEAR
-        counted = np.ones(i.size, dtype=bool) if self.counting else far
-        self._count(at, i[counted], found.Q[good][counted])
-        for j in i[far][self._departs(i[far])].tolist():
+        if self.counting:
+            self._count(at, i, found.Q[good])
+        far = i[self.moved[i] > NEAR]
+        for j in far[self._departs(far)].tolist():
             self._drop(j)
         return np.flatnonzero(sound & ~within)
 
@@ -558,9 +558,11 @@ class _Members:
         near = self.neighbour[which]
         step = np.stack([x[which] - x[near] for x in self.columns.values()], axis=1)
         before, after = ((self.slopes[k] * step).sum(axis=1) for k in (near, which))
-        off = disagree(self.action[which] - self.action[near], before, after)
-        self._index_alone(near[self.index[near] < 0])
-        return off | (self.index[which] != self.index[near])
+        known = self.action[which] - self.action[near], before, after
+        off, far_off = (disagree(*known, part) for part in (BESIDE, FAR_OFF))
+        asked = np.union1d(which[off], near[off])
+        self._index_alone(asked[self.index[asked] < 0])
+        return far_off | off & (self.index[which] != self.index[near])
 
     def _drop(self, i: int) -> None:
         """Forget the path of a member, which is to be found from a nearer one."""
