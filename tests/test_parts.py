@@ -89,14 +89,14 @@ def test_in_vain_as_much_may_be_spent_as_on_paths_that_were_found():
 
 def test_beside_known_paths_a_search_ends_with_the_budget_of_the_members_left():
     spent, few = budget.Budget(limited=True), budget.FEW_LEFT + 2.0 * budget.EACH_LEFT
-    spent.begin(1000, turned=False)
+    spent.begin(1000, 1, turned=False)
     assert spent.limit == budget.FREE_BUDGET
     spent.well = 5.0
-    spent.begin(2, turned=False)
+    spent.begin(2, 1, turned=False)
     assert spent.most == few + 5.0
     spent.count("", 2, None, {"elements": few + 5.0})
     assert not spent.allows
-    spent.begin(1000, turned=False)  # now a little for each
+    spent.begin(1000, 1, turned=False)  # now a little for each
     assert spent.limit == few
     spent.count("", 3, None, {"elements": float(budget.BRIEF)})
     with pytest.raises(budget.Exhausted):
@@ -104,25 +104,26 @@ def test_beside_known_paths_a_search_ends_with_the_budget_of_the_members_left():
     spent.note_found(spent.vain - 10.0)
     assert spent.allows and spent.limit == budget.FREE_BUDGET
     spent.vain = 0.0
-    spent.begin(2, turned=False)  # there are others
+    spent.begin(2, 1, turned=False)  # there are others
     assert spent.limit == budget.FREE_BUDGET
     free = budget.Budget(limited=False)
-    free.begin(2, turned=True)
+    free.begin(2, 1, turned=True)
     free.count("", 1, None, {"elements": 1e9})
     assert free.allows
 
 
-def test_past_a_fold_a_search_may_cost_what_one_that_succeeds_takes():
+def test_past_a_fold_a_search_costs_more_only_where_most_members_are_beyond():
     spent = budget.Budget(limited=True)
-    spent.begin(1000, turned=True)
-    assert spent.limit == spent.most == budget.PAST_FOLD
-    spent.count("", 1, None, {"elements": float(budget.PAST_FOLD)})
-    assert not spent.allows
-    spent.note_found(0.0)
-    spent.begin(1000, turned=True)  # this one once more, whatever others found
-    assert spent.allows and spent.most == budget.PAST_FOLD
-    spent.begin(1000, turned=False)
-    assert spent.most == np.inf
+    spent.begin(10, 8, turned=True)
+    assert spent.limit == spent.most == budget.PAST_FOLD + 2.0 * budget.EACH_LEFT
+    few = budget.Budget(limited=True)
+    few.begin(8, 10, turned=True)
+    assert few.limit == budget.PAST_FOLD
+    few.note_found(0.0)
+    few.begin(8, 10, turned=True)
+    assert few.most == budget.FEW_LEFT
+    few.begin(8, 10, turned=False)
+    assert few.most == np.inf
 
 
 def test_what_takes_longest_is_tried_on_the_first_and_on_the_finest_mesh(monkeypatch):

@@ -368,10 +368,9 @@ class _Members:
     def _search(self, i: int, problem: Problem, guess: Guess | None) -> Solution | None:
         """Search as `solve` does, from nothing if the budget is spent; None where that ended it."""
         guess, before = guess if self.budget.allows else None, self.budget.vain
-        if any(status.success for status in self.status):
-            j = self.neighbour[i]
-            turned = j >= 0 and bool(self.turned[j])
-            self.budget.begin(int((~self.decided).sum()), turned=turned)
+        if solved := sum(status.success for status in self.status):
+            left, j = int((~self.decided).sum()), self.neighbour[i]
+            self.budget.begin(left, solved, turned=j >= 0 and bool(self.turned[j]))
         try:
             found = solve(
                 problem, tol=self.tol, guess=guess, throw=False, progress=self.budget.count
