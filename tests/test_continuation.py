@@ -7,7 +7,7 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.families.continuation import continued, disagree
+from actionopt.families.continuation import continue_path, disagree
 from actionopt.families.vary import with_values
 
 BRATU = systems.bratu()
@@ -22,7 +22,7 @@ def test_the_branch_turns_back_at_the_fold(lam, turned):
     """Of Bratu's problem, at 3.5138307."""
     near = ao.solve(bratu(3.4))
     lost = replace(near, problem=bratu(lam), status=ao.Status.NOT_FOUND)
-    found = continued(near, ({"lam": 3.4}, {"lam": lam}), lost, near.path, 1e-8)
+    found = continue_path(near, ({"lam": 3.4}, {"lam": lam}), lost, near.path, 1e-8)
     assert (found.turned, found.goes_on) == (turned, not turned)
 
 

@@ -33,7 +33,14 @@ from actionopt.discrete.stacks import PROGRAMS, Stack, StackShape, compile_funct
 from actionopt.discrete.unsampled import may_have_unsampled
 from actionopt.families.budget import Budget, Exhausted
 from actionopt.families.common_mesh import denser, even, transfer_matrix
-from actionopt.families.continuation import BESIDE, FAR_OFF, LEAP, NEAR, continued, disagree
+from actionopt.families.continuation import (
+    AS_EXPECTED,
+    LEAP,
+    OFF_BRANCH,
+    OFF_SLOPES,
+    continue_path,
+    disagree,
+)
 from actionopt.families.members import Members, checked_columns, member, refusal
 from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
 from actionopt.families.vary import lead_to, position_in_parameters, slope, slope_along
@@ -340,7 +347,7 @@ class _Members:
         if before is None:
             problem = member(self.problem, self.columns, j)
             before = solve_near(problem, self._path(j), self.tol)
-        found, goes_on, turned = continued(before, (start, end), found, expected, self.tol)
+        found, goes_on, turned = continue_path(before, (start, end), found, expected, self.tol)
         self.departed[i], self.turned[j] = not goes_on, self.turned[j] or turned
         return found
 
@@ -547,7 +554,7 @@ class _Members:
             self.slopes[i] = self._slopes(at.shape, i, found.Q[good])
         if self.counting:
             self._count(at, i, found.Q[good])
-        far = i[self.moved[i] > NEAR]
+        far = i[self.moved[i] > AS_EXPECTED]
         for j in far[self._departs(far)].tolist():
             self._drop(j)
         return np.flatnonzero(sound & ~within)
@@ -558,7 +565,7 @@ class _Members:
         step = np.stack([x[which] - x[near] for x in self.columns.values()], axis=1)
         before, after = ((self.slopes[k] * step).sum(axis=1) for k in (near, which))
         known = self.action[which] - self.action[near], before, after
-        off, far_off = (disagree(*known, part) for part in (BESIDE, FAR_OFF))
+        off, far_off = (disagree(*known, part) for part in (OFF_SLOPES, OFF_BRANCH))
         asked = np.union1d(which[off], near[off])
         self._index_alone(asked[self.index[asked] < 0])
         return far_off | off & (self.index[which] != self.index[near])

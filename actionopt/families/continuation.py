@@ -28,16 +28,16 @@ Values = Mapping[Name, float]
 
 # Ad hoc: of a path's size, from where it was expected: so near one goes on as its neighbours do,
 # and farther than that one of the same index may be of another kind.
-NEAR, LEAP = 0.05, 0.5
+AS_EXPECTED, LEAP = 0.05, 0.5
 # How far an action may be from what its slopes at both members tell, in parts of how much these
 # differ, and of its change: beyond the first the index is asked, beyond the second the branch.
-# Measured on 15 maps: of 250 paths beyond `NEAR` that go on a tenth is beyond the first and three
-# are beyond the second; of 11 of another kind and another index one is within the first.
-BESIDE, FAR_OFF, SAME_CHANGE = 0.1, 1.0, 1e-3
+# Measured on 15 maps: of 246 paths beyond `AS_EXPECTED` that go on 125 are within the first and 11
+# beyond the second; of 61 of another kind 6 are within the first, three of which are beyond `LEAP`.
+OFF_SLOPES, OFF_BRANCH, SAME_CHANGE = 0.1, 1.0, 1e-3
 # Ad hoc: the first step and the longest one, in parts of what changes on the way or, if that is
 # less, of the coordinates' sizes; how many are tried, what one is that is straight, and the least
 # change.
-FIRST, LONGEST, MOST_STEPS, STRAIGHT, LEAST_RATE = 0.25, 1.0, 24, 0.99, 1e-3
+FIRST, LONGEST, BRANCH_STEPS, STRAIGHT, LEAST_WAY = 0.25, 1.0, 24, 0.99, 1e-3
 
 
 class Continued(NamedTuple):
@@ -58,7 +58,7 @@ class _Branch(NamedTuple):
     turned: bool
 
 
-def continued(
+def continue_path(
     near: Solution,
     ends: tuple[Values, Values],
     found: Solution,
@@ -96,13 +96,13 @@ def _goes_on(near: Solution, ends: tuple[Values, Values], found: Solution, expec
     nodes = expected.mesh.nodes
     size = np.abs(expected.values).max(axis=1)
     moved = np.abs(found(nodes) - expected.values).max(axis=1) / np.where(size > 0, size, 1.0)
-    if moved.max() <= NEAR:
+    if moved.max() <= AS_EXPECTED:
         return True
     step = np.array([ends[1][name] - ends[0][name] for name in ends[1]])
     before, after = (slope_along(one, ends[1]) @ step for one in (near, found))
     known = np.array(found.action - near.action), before, after
-    leapt, off = bool(moved.max() > LEAP), bool(disagree(*known, BESIDE))
-    if leapt == off or disagree(*known, FAR_OFF):
+    leapt, off = bool(moved.max() > LEAP), bool(disagree(*known, OFF_SLOPES))
+    if leapt == off or disagree(*known, OFF_BRANCH):
         return not off
     with suppress(ValueError):  # there is no index
         return near.morse_index == found.morse_index
@@ -118,12 +118,12 @@ def _follow(near: Solution, start: Values, end: Values) -> _Branch:
     ahead = 0.0, 1.0, 1.0
     branch, here = Branch.begin(family, at.problem, at.path, at.rows, at.tr.lengths, ahead)
     # The way counts as what changes along it does: near a fold that turns sharply else.
-    rate = np.sqrt(max(1 / here.direction[-1] ** 2 - 1, LEAST_RATE**2))
+    rate = np.sqrt(max(1 / here.direction[-1] ** 2 - 1, LEAST_WAY**2))
     unit = min(rate, 1.0)
     branch.range = 1 / unit
     here = replace(here, direction=here.direction / branch.norm(here.tr, here.direction))
     length, longest = FIRST * unit, LONGEST * unit
-    for left in range(MOST_STEPS, 0, -1):
+    for left in range(BRANCH_STEPS, 0, -1):
         taken = branch.step(here, length)
         angle = 0.0 if taken is None else branch.angle(here, taken[0])
         if taken is None or angle < STRAIGHT_STEP:
