@@ -1005,21 +1005,22 @@ def test_a_barrier_is_told_where_the_energy_is_below_it():
 def test_a_closed_motion_goes_between_its_turning_points():
     well = System(lambda q, v, t: v[0] ** 2 / 2 - (q[0] - 1) ** 2, ["x"])
     closed = Problem(well, Event(0.0, [None]), ao.Periodic(None), energy=0.25)
-    found = durations.turning_waypoints(closed)
-    assert found is not None
-    assert found.min() == pytest.approx(0.5)
-    assert found.max() == pytest.approx(1.5)
-    assert found[0, 0] == found[0, -1] == found.min()
-    assert durations.turning_waypoints(closed.replace(energy=-0.1)) is None
+    found = durations.between_turning_points(closed)
+    assert isinstance(found, ao.Path)
+    q = found.values[0]
+    assert (q.min(), q.max()) == pytest.approx((0.5, 1.5))
+    assert q[0] == q[-1] == q.min()
+    assert found.mesh.duration == pytest.approx(2 * np.pi / np.sqrt(2), rel=1e-5)
+    assert durations.between_turning_points(closed.replace(energy=-0.1)) is None
     free = Problem(systems.particle("x"), Event(0.0, [None]), ao.Periodic(None), energy=1.0)
-    assert durations.turning_waypoints(free) is None
+    assert durations.between_turning_points(free) is None
     round_ = Problem(
         systems.pendulum(), Event(0.0, [0.5]), ao.Periodic(None, [2 * np.pi]), energy=2.0
     )
-    on = durations.turning_waypoints(round_)
-    assert on is not None
+    on = durations.between_turning_points(round_)
+    assert isinstance(on, np.ndarray)
     assert on[0, [0, -1]] == pytest.approx([0.5, 0.5 + 2 * np.pi])
-    assert durations.turning_waypoints(round_.replace(energy=0.5)) is None
+    assert durations.between_turning_points(round_.replace(energy=0.5)) is None
 
 
 def test_times_change_where_the_action_bends_down_most():
@@ -1216,6 +1217,8 @@ def test_a_step_from_rest_to_rest():
         ({"growth": 9e3, "since": 1e30, "fresh": 1e30}, True),
         ({"growth": 9e3, "since": 1e30, "fresh": 1e30, "linear": True}, False),
         ({"closes": True, "one": False}, False),
+        ({"closes": True, "growth": 1e30}, True),
+        ({"closes": True, "growth": 1e30, "free_time": True}, False),
     ],
 )
 def test_what_may_be_one_of_a_family(known, expected):
@@ -1230,6 +1233,7 @@ def test_what_may_be_one_of_a_family(known, expected):
         "noise": 0.0,
         "growth": 1.0,
         "closes": False,
+        "free_time": False,
     } | known
 
     here = fake(can_be_one_of_many=told["one"], noise=0.0, sizes=np.ones(1), lengths=np.ones(1),
@@ -1239,7 +1243,8 @@ def test_what_may_be_one_of_a_family(known, expected):
     here.with_fresh_factors = lambda: vars(here).update(growth=told["fresh"]) or here
     if told["noise"]:
         here.can_be_one_of_many = False
-    problem = fake(system=fake(structure=fake(forced=told["forced"])), closes=told["closes"])
+    system = fake(structure=fake(forced=told["forced"]), n=1, order=1)
+    problem = fake(system=system, closes=told["closes"], free_time=told["free_time"])
     ws = fake(problem=problem, here=here, many=None, **{
         k: told[k] for k in ("unbalance", "linear", "unpolished")})  # fmt: skip
     assert family.may_be_family(ws, ao.Status[told["status"]]) is expected

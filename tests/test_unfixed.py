@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import systems
 from helpers import a_quarter, integrated, slow
-from scipy.special import ellipk, ellipkinc
+from scipy.special import ellipk, ellipkinc, ellipkm1
 
 import actionopt as ao
 from actionopt import scenes
@@ -572,6 +572,32 @@ def test_ipopt_and_a_mesh_find_the_period_of_a_closed_path():
     for choice in ({"method": "ipopt"}, {"mesh": ao.Mesh.uniform(0, 1, 8, 8)}):
         found = ao.solve(turning, **choice)
         assert abs(found.duration - 4 * ellipk(np.sin(0.5) ** 2)) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("below", "tol"),
+    [(1e-4, 1e-8), *(pytest.param(1e-6, tol, marks=pytest.mark.long) for tol in (1e-8, 1e-6))],
+)
+def test_a_pendulum_that_nearly_comes_to_the_top(below, tol):
+    """It dwells there: its period is 4 K(1 - below / 2)."""
+    problem = ao.Problem(systems.pendulum(), free(0.0, [0.0]), ao.Periodic(None), energy=1 - below)
+    turn = ao.solve(problem, tol=tol)
+    assert turn.duration == pytest.approx(4 * ellipkm1(below / 2), rel=tol)
+
+
+@pytest.mark.long
+def test_closed_paths_at_a_saddle_are_known_to_round_off_and_no_family():
+    """The period changes by 2 / (1 - E) with the energy."""
+    ends = free(0.0, [0.0]), ao.Periodic(None)
+    turn = ao.solve(ao.Problem(systems.pendulum(), *ends, energy=1 - 1e-8), throw=False)
+    assert turn.status is ao.Status.FLOOR and turn.error < 1e-6
+    assert turn.duration == pytest.approx(4 * ellipkm1(5e-9), rel=1e-8)
+
+
+def test_an_energy_beside_a_top_is_told_with_its_digits():
+    over = ao.Problem(systems.pendulum(), free(0.0, [0.0]), ao.Periodic(None), energy=1 + 1e-8)
+    with pytest.raises(ValueError, match=r"at that energy, 1\.00000001, near"):
+        ao.solve(over)
 
 
 def restricted(q, v, t, mu=0.012277471):

@@ -7,10 +7,11 @@ no motion takes that curve, and a part of the largest rate is reckoned with ther
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from actionopt.analysis.shooting import hermite
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
@@ -96,7 +97,11 @@ def straight_passage(problem: Problem) -> tuple[Array, Array, Array] | None:
         return None
     if not conserves_energy(problem.system) or problem.start.q == problem.end.q:
         return None
-    a, b = float(problem.start.q[0]), float(problem.end.q[0])  # type: ignore[arg-type]
+    return _passage(problem, float(problem.start.q[0]), float(problem.end.q[0]))  # type: ignore[arg-type]
+
+
+def _passage(problem: Problem, a: float, b: float) -> tuple[Array, Array, Array] | None:
+    """Return what `straight_passage` does, of the motion from a to b."""
 
     def speeds(s: Array) -> Array:
         """ds/dt where q = a + s (b - a); zero at rest, NaN where the motion cannot be."""
@@ -116,12 +121,15 @@ def straight_passage(problem: Problem) -> tuple[Array, Array, Array] | None:
         if not whole.all():
             return None
         halves = h / (rate[:-1] + between) + h / (between + rate[1:])
-        split = np.abs(halves - 2 * h / whole) > QUADRATURE_CHANGE * halves.sum()
+        change = halves - 2 * h / whole
+        split = np.abs(change) > QUADRATURE_CHANGE * halves.sum()
         if not split.any() or s.size > QUADRATURE_POINTS:
             break
         at = 1 + np.flatnonzero(split)
         s, rate = np.insert(s, at, middle[split]), np.insert(rate, at, between[split])
-    times = np.concatenate([[0.0], np.cumsum(2 * np.diff(s) / (rate[1:] + rate[:-1]))])
+    else:
+        return None
+    times = np.concatenate([[0.0], np.cumsum(halves + change / 3)])  # Richardson's extrapolation
     return times, a + s * (b - a), rate * (b - a)
 
 
@@ -244,13 +252,18 @@ def _tops(problem: Problem, a: Array, b: Array, energy: float) -> tuple[Array, f
     q = a[0] + np.linspace(0.0, 1.0, 10 * LINE)[1:-1] * (b[0] - a[0])
     known, height = np.sign(force(q)), potential(problem, q[:, None])
     turns = np.flatnonzero(np.diff(known))
-    low, high = q[turns], q[turns + 1]
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        same = np.sign(force(middle)) == known[turns]
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    low = _bisect(q[turns], q[turns + 1], lambda x: np.sign(force(x)) == known[turns])
     below = energy - TOP_ROUNDOFF * float(np.abs(height - energy).max(initial=0.0))
     return np.concatenate([q, low])[:, None], below
+
+
+def _bisect(low: Array, high: Array, is_low: Callable[[Array], Array]) -> Array:
+    """Return the last places from low to high, both (K,), at which something is as at the low."""
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        below = is_low(middle)
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return low
 
 
 def _place(law: System, q: Array) -> str:
@@ -279,45 +292,48 @@ def return_time(problem: Problem, q: Array, t: float) -> float:
     return float(found.min()) if found.size else 1.0
 
 
-def turning_waypoints(problem: Problem) -> Array | None:
-    """Return waypoints (1, K) there and back between the turning points of the energy.
+def between_turning_points(problem: Problem) -> Path | Array | None:
+    """Return the motion there and back between the turning points of the energy.
 
     A closed path of one coordinate stays in the well that is nearest to where it starts, or to
-    zero; with an advance, it goes straight on over all of it. None where no motion of the energy is
-    seen.
+    zero; with an advance, it goes straight on over all of it. Waypoints (1, K) where it does not
+    tell its times, None where no motion of the energy is seen.
     """
-    if problem.system.n > 1 or problem.system.m or problem.advance is None:
+    system, t = problem.system, problem.start.t
+    if system.n > 1 or system.m or problem.advance is None:
         return None
-    first, t = problem.system.pointwise("first"), problem.start.t
 
-    def left(x: Array) -> Array:
-        """E less the energy at rest."""
+    def at_rest(x: Array) -> tuple[Array, Array]:
+        """Return the force, and E less the energy."""
         q, at = x[:, None], np.full((x.size, 1), t)
         with np.errstate(all="ignore"):
-            return problem.energy + first(q, 0 * q, at, problem.packed)[2][:, 0]  # type: ignore[operator]
+            force, _, L = system.pointwise("first")(q, 0 * q, at, problem.packed)
+        return force[:, 0].copy(), problem.energy + L[:, 0]  # type: ignore[operator]
 
     centre = problem.start.q[0] or 0.0
     if problem.advance.any():
         turn = centre + problem.advance * np.linspace(0, 1, 2 * LINE - 1)
-        return turn[None] if (left(turn) > 0).all() else None
+        return turn[None] if (at_rest(turn)[1] > 0).all() else None
     x = centre + problem.scales[0] * np.concatenate([-SEEN[::-1], [0.0], SEEN])
-    inside = left(x) > 0
+    force, _ = at_rest(x)
+    hills = np.flatnonzero((force[:-1] < 0) & (force[1:] >= 0))
+    x = np.union1d(x, _bisect(x[hills], x[hills + 1], lambda x: at_rest(x)[0] < 0))
+    inside = at_rest(x)[1] > 0
     if not inside.any():
         return None
     k = int(np.argmin(np.where(inside, np.abs(x - centre), np.inf)))
     walls = np.flatnonzero(~inside)
     if not (walls.size and walls[0] < k < walls[-1]):
         return None
-    ends = []
-    for wall, step in ((walls[walls < k][-1], 1), (walls[walls > k][0], -1)):
-        within, beyond = x[wall + step], x[wall]
-        for _ in range(BISECTIONS):
-            middle = (within + beyond) / 2
-            within, beyond = (
-                (middle, beyond) if left(np.array([middle]))[0] > 0 else (within, middle)
-            )
-        ends.append(within)
-    a, b = ends
+    walls = np.array([walls[walls < k][-1], walls[walls > k][0]])
+    a, b = _bisect(x[walls + np.array([1, -1])], x[walls], lambda x: at_rest(x)[1] > 0).tolist()
+    if conserves_energy(system):
+        forth, back = _passage(problem, a, b), _passage(problem, b, a)
+        if forth and back:
+            rest = forth[0][-1] + back[0], *back[1:]
+            since, q, v = (np.append(x, y[1:]) for x, y in zip(forth, rest, strict=True))
+            mesh = Mesh.over(t, t + since[-1], since, 3)
+            return Path.interpolate(hermite(t + since, q[None], v[None]), mesh)
     turn = np.linspace(0, 2 * np.pi, 2 * LINE - 1)
     return (a + (b - a) * (1 - np.cos(turn)) / 2)[None]
 
@@ -325,8 +341,8 @@ def turning_waypoints(problem: Problem) -> Array | None:
 def oscillations(problem: Problem) -> list[Path]:
     """Return the small oscillations of the energy about the equilibrium near the start.
 
-    There are several coordinates; for one, `turning_waypoints` knows more. Each lasts a period, the
-    fastest comes first: with that at least a family of closed paths begins at the equilibrium,
+    There are several coordinates; for one `between_turning_points` knows more. Each lasts a period,
+    the fastest comes first: with that at least a family of closed paths begins at the equilibrium,
     whose period is found from the energy (Lyapunov's centre theorem; Moser, *Comm. Pure Appl.
     Math.* 29 (1976) 727-747). None where there is no equilibrium, or nothing turns.
     """

@@ -11,6 +11,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.factors import Factors
+from actionopt.mechanics.problem import Problem
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, ROUNDED, Iterate, is_at_rest
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import Array
@@ -42,6 +43,8 @@ def may_be_family(ws: Workspace, status: Status) -> bool:
     here = ws.here
     if ws.problem.closes and is_at_rest(here.Q, here.tr.lengths.max()):
         return True  # the mesh of a rest resolves none of its neighbours
+    if is_alone(ws.problem):
+        return False
     # With one coordinate the noise tells by itself, in units of the motion.
     if not here.can_be_one_of_many and here.noise * (here.sizes / here.lengths).max() <= ROUNDED:
         return False
@@ -53,6 +56,14 @@ def may_be_family(ws: Workspace, status: Status) -> bool:
     except np.linalg.LinAlgError:
         return True
     return not 0 < grown < NEAR_SINGULAR
+
+
+def is_alone(problem: Problem) -> bool:
+    """Whether closed paths are no family: those of one coordinate, whose energy tells their size.
+
+    Beside a saddle they change by much with the energy, which looks like a family.
+    """
+    return problem.closes and problem.free_time and problem.system.n == problem.system.order == 1
 
 
 def judge_family(ws: Workspace, solution: Solution) -> Solution:

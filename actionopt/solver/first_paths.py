@@ -484,7 +484,7 @@ def time_waypoints(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayL
     found = times_along(problem, q, start)
     if found is None:
         raise ValueError(
-            f"expected waypoints that a motion of the energy {problem.energy:g} can pass, found "
+            f"expected waypoints that a motion of the energy {problem.energy:.15g} can pass, found "
             "the potential above it at all of them"
         )
     times = found[0]

@@ -184,7 +184,7 @@ def starts(
     problem: Problem, guess: Guess | None, choices: Choices
 ) -> Iterable[Iterable[Guess | DiscretePath | None]]:
     """Return groups of guesses; one is asked for only if none before led to a path."""
-    from actionopt.solver.durations import turning_waypoints
+    from actionopt.solver.durations import between_turning_points
     from actionopt.solver.nearest_points import (
         NEAREST_POINTS,
         motions,
@@ -200,7 +200,7 @@ def starts(
         return quick, paths_between_given_times(problem, watch), motions(problem, watch)
     if not problem.closes:
         return ([None],)
-    path = turning_waypoints(problem)
+    path = between_turning_points(problem)
     return (_oscillations(problem) if path is None else [path],)
 
 
@@ -213,7 +213,7 @@ def _oscillations(problem: Problem) -> list[Path]:
         raise ValueError(
             "expected a guess for a closed path whose period is to be found: a Path or a "
             "solution near it, or waypoints round it; none is needed for one coordinate that "
-            f"is bound at that energy, {problem.energy:g}, near where it starts, or turns "
+            f"is bound at that energy, {problem.energy:.15g}, near where it starts, or turns "
             "with the advance that is given, nor where a stable equilibrium is near the start"
         )
     return found

@@ -33,7 +33,7 @@ from actionopt.solver.arguments import Guess
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.closed import begin_later, passage_times
 from actionopt.solver.durations import explain_barrier
-from actionopt.solver.family import may_be_family, soft_directions
+from actionopt.solver.family import is_alone, may_be_family, soft_directions
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.first_paths import (
     REPRESENTED,
@@ -343,7 +343,7 @@ class Unfixed(Workspace[UnfixedPath]):
 
         Newton's steps would lead along the family, by the round-off of what is singular there.
         """
-        if self.problem.phase_coordinates:
+        if self.problem.phase_coordinates or is_alone(self.problem):
             return None
         most = 2 * FULL // self.problem.system.n
         path = guess_path(self.problem, guess, min(REPRESENTED[1], self.tol), most)
@@ -632,7 +632,11 @@ class _FreeBoundarySearch:
         if judged is not None:  # what was tried since has no verdict
             run.iterate, run.hint = judged
         near = guess if run.problem.closes else self.first.of_family
-        if near is not None and not (status.success or status is Status.JUMP):
+        if (
+            near is not None
+            and not is_alone(run.problem)
+            and not (status.success or status is Status.JUMP)
+        ):
             status = run.in_family(near, thorough=self.thorough) or status
         return settle_on(run, status, choices.mesh, least=False)
 
