@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ from scipy.integrate import solve_ivp
 
 import actionopt as ao
 from actionopt.discrete.boundaries import carry_boundaries
+from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
+from actionopt.mechanics.lookups import Looked
 from actionopt.mechanics.tables import interp, knots
 from actionopt.tools.tape import Tape
 
@@ -107,6 +111,43 @@ def test_tables_without_derivatives_by_their_values_are_refused(kind):
     )
     with pytest.raises(ValueError, match="derivatives by their values"):
         ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(1, [2.0])))
+
+
+def test_tables_whose_values_are_parameters_are_looked_up():
+    """Where CasADi evaluates them it copies all parameters at each time."""
+    times, other = np.linspace(0, 1, 9) ** 2, np.linspace(-1, 2, 5)
+
+    def law(q, v, t, *, f, c, g):
+        steps = c[1] * np.interp(2 * t + c[0], other, g) + np.interp(t, times, f)
+        return v[0] ** 2 / 2 + steps * q[0] + np.interp(t, other, other)
+
+    values = {"f": RANDOM.normal(size=9), "c": [0.1, 0.7], "g": RANDOM.normal(size=5)}
+    system = ao.System(law, ["x"], parameters=values)
+    t = np.r_[times, other, np.nextafter(times, 2), RANDOM.uniform(-2, 3, 30)][:, None]
+    q, v = RANDOM.normal(size=(2, t.size, 1))
+    packed = RANDOM.normal(size=(t.size, 16))
+    for name in ("value", "first", "balance", "second"):
+        function = system.pointwise(name)
+        again = pickle.loads(pickle.dumps(function))
+        for p in (packed, packed[:1]):
+            known = [y.copy() for y in Pointwise(function.function)(q, v, t, p)]
+            for one in (function, again):
+                assert type(one) is Looked
+                for y, wanted in zip(one(q, v, t, p), known, strict=True):
+                    np.testing.assert_allclose(y, wanted, atol=1e-13)
+    assert system.clock is not None and isinstance(system.clock.steps, Looked)
+
+
+def test_tables_of_other_values_than_parameters_are_evaluated_by_casadi():
+    times = np.linspace(0, 1, 9)
+    system = ao.System(
+        lambda q, v, t, *, f: v[0] ** 2 / 2 + np.interp(t, times, f**2) * q[0],
+        ["x"],
+        parameters={"f": np.arange(9.0)},
+    )
+    assert type(system.pointwise("first")) is Pointwise
+    solution = ao.solve(ao.Problem(system, ao.Event(0, [0.0]), ao.Event(1, [1.0])))
+    assert solution.compare().agrees
 
 
 @pytest.mark.long

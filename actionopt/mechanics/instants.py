@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.lookups import evaluator, tables_in
 from actionopt.mechanics.switches import REMAINDERS
 from actionopt.mechanics.tables import pieces
 from actionopt.mechanics.tracing import SAMPLES, Symbols
@@ -112,7 +113,8 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
             most += pieces(node.function)
         return made
 
-    Tape(arguments, laws).fold(switch_of)
+    tape = Tape(arguments, laws)
+    tape.fold(switch_of)
     if not steps:
         return None
     slopes = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.t))
@@ -120,7 +122,7 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
     bent = ca.jacobian_sparsity(slopes, s.t).row()
     steps = [ca.densify(ca.vertcat(*steps)), ca.sign(slopes[bent])]
     return ClockSwitches(
-        Pointwise(ca.Function("clock", [s.t, s.p], steps)),
+        evaluator("clock", [s.t, s.p], steps, s.t, s.p, tables_in(tape)),
         Pointwise(ca.Function("rates", [s.t, s.p], [slopes, by_parameters])),
         most,
     )

@@ -16,6 +16,7 @@ import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import CLOCKED, ClockSwitches, clock
+from actionopt.mechanics.lookups import evaluator, tables_in
 from actionopt.mechanics.pulses import PULSES, StepArguments, may_hide, pulses, steps_along
 from actionopt.mechanics.separable import hessian
 from actionopt.mechanics.switches import (
@@ -31,7 +32,7 @@ from actionopt.mechanics.switches import (
 from actionopt.mechanics.tables import refuse_lost_derivatives
 from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, deriving, stack
 from actionopt.tools.immutable import immutable
-from actionopt.tools.tape import Tape
+from actionopt.tools.tape import LINEAR_TABLE, Tape
 
 T = TypeVar("T")
 NO_OPERATIONS = Tape((), ())
@@ -292,9 +293,15 @@ class Laws:
                 if name not in self._pointwise:
                     with deriving("laws that CasADi differentiates"):
                         inputs, outputs = getattr(self, f"_build_{name}")()
-                    self._pointwise[name] = Pointwise(ca.Function(name, inputs, outputs))
+                    self._pointwise[name] = self._evaluator(name, inputs, outputs)
                 found = self._pointwise[name]
         return found
+
+    def _evaluator(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> Pointwise:
+        if LINEAR_TABLE not in self.lagrangian_tape.operations:
+            return Pointwise(ca.Function(name, inputs, outputs))
+        tables = self.memoize("tables", lambda: tables_in(self.lagrangian_tape))
+        return evaluator(name, inputs, outputs, self.symbols.t, self.symbols.p, tables)
 
     def forget(self) -> None:
         """Free what tells where functions were evaluated last."""

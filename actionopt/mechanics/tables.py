@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from typing import Any
+from zlib import crc32
 
 import casadi as ca
 import numpy as np
@@ -121,20 +122,37 @@ def knots(table: ca.Function) -> Array:
     return np.sort(points[1:-1][most[bends[most] > SPIKE * bends.mean()]])
 
 
+def points_of(table: ca.Function) -> Array:
+    """Return the points (N,) of a table whose values are an argument (`_lookup`)."""
+    count = table.numel_in(1)
+    found = [x for x, y in _read_all(table) if np.array_equal(y, np.arange(count))]
+    return found[0] if found else np.empty(0)
+
+
 def _read(table: ca.Function) -> tuple[Array, Array]:
     """Return the points (N,) of a linear table in one argument, and the values (N, results).
 
-    CasADi tells them in the program in C of it alone. None where that is written otherwise.
+    None where they cannot be read.
+    """
+    known = _read_all(table)
+    points, values = known[-1] if known else (np.empty(0), np.empty(0))
+    return points, values.reshape(points.size, -1)
+
+
+def _read_all(table: ca.Function) -> list[tuple[Array, Array]]:
+    """Return the points and the values of all linear tables in one argument in a function.
+
+    CasADi tells them in the program in C of it alone.
     """
     program = ca.CodeGenerator("table")
     program.add(table)
     text = program.dump()
-    numbers = dict(re.findall(r"casadi_real (\w+)\[\d+\] =\s*\{(.*?)\};", text, re.DOTALL))
+    numbers = {
+        name: np.array(given.split(","), dtype=float)
+        for name, given in re.findall(r"casadi_real (\w+)\[\d+\] =\s*\{(.*?)\};", text, re.DOTALL)
+    }
     names = re.findall(r"casadi_interpn\(\w+\[0\], 1, (\w+), \w+, (\w+),", text)
-    if not names or not numbers.keys() >= set(names[-1]):
-        return np.empty(0), np.empty((0, 1))
-    points, values = (np.array(numbers[name].split(","), dtype=float) for name in names[-1])
-    return points, values.reshape(points.size, -1)
+    return [(numbers[x], numbers[y]) for x, y in names if x in numbers and y in numbers]
 
 
 def _numbers(given: Any) -> Array | None:
@@ -181,7 +199,9 @@ def _lookup(x: ca.SX, points: Array, values: Array | ca.SX) -> ca.SX:
     rising = np.cumsum(np.r_[0, np.arange(points.size + 1) * np.diff(ends)])
     piece = ca.jacobian(_line(ends, rising)(at), at)
     names = ["x", "y"][: len(of_table)], ["value", PIECE]
-    table = ca.Function("interp", of_table, [value, piece], *names, {"never_inline": True})
+    # Derivatives are called by this name, and another table with other points by another.
+    name = f"interp_{crc32(points.tobytes()):x}"
+    table = ca.Function(name, of_table, [value, piece], *names, {"never_inline": True})
     of = [values] if isinstance(values, ca.SX) else []
     return ca.reshape(
         ca.vertcat(*[table(one, *of)[0] for one in ca.vertsplit(ca.vec(x))]), *x.shape
