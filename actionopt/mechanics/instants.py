@@ -13,7 +13,6 @@ import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.lookups import evaluator, tables_in
 from actionopt.mechanics.switches import REMAINDERS
 from actionopt.mechanics.tables import pieces
 from actionopt.mechanics.tracing import SAMPLES, Symbols
@@ -121,8 +120,13 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
     by_parameters = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.p))
     bent = ca.jacobian_sparsity(slopes, s.t).row()
     steps = [ca.densify(ca.vertcat(*steps)), ca.sign(slopes[bent])]
+    made = Pointwise(ca.Function("clock", [s.t, s.p], steps))
+    if LINEAR_TABLE in tape.operations:
+        from actionopt.mechanics.lookups import evaluator, tables_in
+
+        made = evaluator("clock", [s.t, s.p], steps, s.t, s.p, tables_in(tape))
     return ClockSwitches(
-        evaluator("clock", [s.t, s.p], steps, s.t, s.p, tables_in(tape)),
+        made,
         Pointwise(ca.Function("rates", [s.t, s.p], [slopes, by_parameters])),
         most,
     )

@@ -16,7 +16,6 @@ import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import CLOCKED, ClockSwitches, clock
-from actionopt.mechanics.lookups import evaluator, tables_in
 from actionopt.mechanics.pulses import PULSES, StepArguments, may_hide, pulses, steps_along
 from actionopt.mechanics.separable import hessian
 from actionopt.mechanics.switches import (
@@ -300,6 +299,8 @@ class Laws:
     def _evaluator(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> Pointwise:
         if LINEAR_TABLE not in self.lagrangian_tape.operations:
             return Pointwise(ca.Function(name, inputs, outputs))
+        from actionopt.mechanics.lookups import evaluator, tables_in
+
         tables = self.memoize("tables", lambda: tables_in(self.lagrangian_tape))
         return evaluator(name, inputs, outputs, self.symbols.t, self.symbols.p, tables)
 

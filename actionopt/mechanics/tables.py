@@ -124,8 +124,8 @@ def knots(table: ca.Function) -> Array:
 
 def points_of(table: ca.Function) -> Array:
     """Return the points (N,) of a table whose values are an argument (`_lookup`)."""
-    count = table.numel_in(1)
-    found = [x for x, y in _read_all(table) if np.array_equal(y, np.arange(count))]
+    numbers = range(table.numel_in(1))
+    found = [x for x, y in _read_all(table) if y.tolist() == [*numbers]]
     return found[0] if found else np.empty(0)
 
 
