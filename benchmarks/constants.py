@@ -200,6 +200,9 @@ def page(known: dict[str, Any]) -> str:
         "",
         ", ".join(f"`{r['module']}.{r['name']}` ({r['questions']})" for r in flat) + ".",
     ]
+    if known.get("newer"):
+        lines += ["", "## Those that are newer, or have another value, than what was measured", ""]
+        lines.append(", ".join(f"`{name}`" for name in known["newer"]) + ".")
     return "\n".join(lines)
 
 
@@ -318,7 +321,9 @@ def main(arguments: list[str] | None = None) -> None:
     if new:
         rows, about = rows + study(new, options.questions), stamp("actionopt", "casadi", "numpy")
     rows.sort(key=lambda r: (ROOMS.index(r["room"]), r["module"]))
-    write(ROWS, text({"about": about, **packed(rows)}, 2) + "\n")
+    measured = {r["name"] for r in rows}
+    newer = [f"{c.place['module']}.{c.name}" for c in constants(ROOMS) if c.name not in measured]
+    write(ROWS, text({"about": about, "newer": newer, **packed(rows)}, 2) + "\n")
     write(PAGE, page(json.loads(ROWS.read_text())) + "\n")
 
 

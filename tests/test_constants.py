@@ -1,7 +1,12 @@
 """The study of constants: what it changes, and what it calls another answer."""
 
+import json
+import re
+from pathlib import Path
+
 import pytest
 
+import actionopt as ao
 from actionopt.solver import refine, two_sided_shooting
 from benchmarks import constants
 
@@ -16,6 +21,16 @@ def test_a_constant_is_changed_wherever_it_was_imported_to_and_put_back():
     with named["MOST_PAIRS"].set(7):
         assert two_sided_shooting.MOST_PAIRS == 7
     assert before == two_sided_shooting.MOST_PAIRS
+
+
+def test_constants_that_the_page_names_are_in_the_code():
+    """Else `python -m benchmarks.constants --report-only` takes them off the page."""
+    known = json.loads(constants.ROWS.read_text())
+    core, texts = Path(ao.__file__).parent, {}
+    for room, module, name, *_ in known["rows"]:
+        file = core / room / f"{module}.py"
+        text = texts.setdefault(file, file.read_text() if file.exists() else "")
+        assert re.search(rf"^{name}\b[^=\n]* = ", text, re.MULTILINE), f"{module}.{name}"
 
 
 def test_an_answer_is_another_if_status_index_or_action_is():
