@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from actionopt.discrete import assemble_blocks, assemble_sparse, second_quadrature
+from actionopt.discrete import assemble_blocks, second_quadrature
 from actionopt.discrete.action import Action
 from actionopt.discrete.factors import expected_seconds
 from actionopt.mechanics.scales import diagonal
@@ -25,6 +25,8 @@ class Transcription(Action):
 
     def hessian(self, z: Array) -> Array:
         """Return the upper triangle's nonzeros (nnz,) of the Hessian of S + sum w lam f."""
+        from actionopt.discrete import assemble_sparse
+
         return assemble_sparse.hessian(self, z)
 
     def kkt(self, z: Array) -> Array:
@@ -76,7 +78,11 @@ class Transcription(Action):
 
     @property
     def _assembly(self):
-        return assemble_blocks if self.layout.storage == "blocks" else assemble_sparse
+        if self.layout.storage == "blocks":
+            return assemble_blocks
+        from actionopt.discrete import assemble_sparse
+
+        return assemble_sparse
 
     # -- what the mesh may have missed -----------------------------------------------------------
 

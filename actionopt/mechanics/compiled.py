@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import threading
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
-from actionopt.mechanics.columns import TIMES_PER_CALL, Columns
 from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.mechanics.columns import Columns
 
 # Ad hoc, as sizes of memory: what fits a processor's cache, and what nobody misses.
 AT_ONCE = 2**18  # numbers up to which all times are evaluated in one call: 2 MB
@@ -128,6 +131,8 @@ class Pointwise:
     @cached_property
     def _columns(self) -> Columns | None:
         """A function that takes a third of CasADi's time at very many times, or None."""
+        from actionopt.mechanics.columns import TIMES_PER_CALL, Columns
+
         f = self.function
         if not f.is_a("SXFunction") or f.sz_w() * TIMES_PER_CALL > KEPT:
             return None
@@ -147,6 +152,8 @@ class Pointwise:
 
     def _in_parts(self, count: int, arguments: tuple[Array, ...]) -> list[Array]:
         """Evaluate at more times than memory is kept for, or at none, in memory for this once."""
+        from actionopt.mechanics.columns import TIMES_PER_CALL
+
         if count >= TIMES_PER_CALL and self._columns is not None:
             return [y[:, :, 0] for y in self._columns(count, 1, [x[..., None] for x in arguments])]
         _, widths, part, _ = self._sizes

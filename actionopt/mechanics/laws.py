@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import CLOCKED, ClockSwitches, clock
-from actionopt.mechanics.pulses import PULSES, StepArguments, may_hide, pulses, steps_along
 from actionopt.mechanics.separable import hessian
 from actionopt.mechanics.switches import (
     STEPPED,
@@ -32,6 +31,9 @@ from actionopt.mechanics.tables import refuse_lost_derivatives
 from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, deriving, stack
 from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import LINEAR_TABLE, Tape
+
+if TYPE_CHECKING:
+    from actionopt.mechanics.pulses import StepArguments
 
 T = TypeVar("T")
 NO_OPERATIONS = Tape((), ())
@@ -192,8 +194,8 @@ class Laws:
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
             smooth=narrow < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
             jumpless=jumpless,
-            hides=not jumpless and self.order == 1 and may_hide(L),
-            pushes=self.Q.numel() > 0 and self.order == 1 and may_hide(Q),
+            hides=not jumpless and self.order == 1 and _may_hide(L),
+            pushes=self.Q.numel() > 0 and self.order == 1 and _may_hide(Q),
             operations=L.operations | f.operations | Q.operations,
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
@@ -248,24 +250,40 @@ class Laws:
     @Once
     def pulses(self) -> Pointwise | None:
         """Return what tells of pulses in the time alone; None where there can be none."""
-        if not self.structure.depends_on_time or PULSES.isdisjoint(self.structure.operations):
+        if not self.structure.depends_on_time:
+            return None
+        from actionopt.mechanics.pulses import PULSES, pulses
+
+        if PULSES.isdisjoint(self.structure.operations):
             return None
         return pulses(self.symbols, self.L, self.f, self.Q)
 
     @Once
     def step_arguments(self) -> StepArguments | None:
         """Return the arguments of what may be narrow along a path; None where nothing can be."""
-        return StepArguments(self.lagrangian_tape) if self.structure.hides else None
+        if not self.structure.hides:
+            return None
+        from actionopt.mechanics.pulses import StepArguments
+
+        return StepArguments(self.lagrangian_tape)
 
     @Once
     def steps_along(self) -> Pointwise | None:
         """Return what tells of narrow steps of L along a path; None where there can be none."""
-        return steps_along(self.symbols, self.L) if self.structure.hides else None
+        if not self.structure.hides:
+            return None
+        from actionopt.mechanics.pulses import steps_along
+
+        return steps_along(self.symbols, self.L)
 
     @Once
     def pushes_along(self) -> tuple[StepArguments, Pointwise] | None:
         """Return the arguments of narrow steps of Q, and what tells of them; None without any."""
-        along = steps_along(self.symbols, self.Q) if self.structure.pushes else None
+        if not self.structure.pushes:
+            return None
+        from actionopt.mechanics.pulses import StepArguments, steps_along
+
+        along = steps_along(self.symbols, self.Q)
         return None if along is None else (StepArguments(self.operations(self.Q)), along)
 
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
@@ -436,6 +454,12 @@ class Laws:
             bias += self.Q
         gamma = changing(changing(self.f)) if self.m else self.f
         return ca.triu2symm(d.Lvv), bias, d.G, gamma
+
+
+def _may_hide(law: Tape) -> bool:
+    from actionopt.mechanics.pulses import may_hide
+
+    return may_hide(law)
 
 
 def _dense(expression: ca.SX) -> ca.SX:

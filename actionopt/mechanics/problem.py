@@ -27,7 +27,6 @@ from actionopt.mechanics.course import (
 )
 from actionopt.mechanics.events import Bounce, Event, Periodic
 from actionopt.mechanics.instants import Instant, instants, merge
-from actionopt.mechanics.pulses import centres
 from actionopt.mechanics.scales import motion_of, scales_of
 from actionopt.mechanics.singular_ends import singular_ends
 from actionopt.mechanics.surface import with_parameters, with_surface
@@ -585,6 +584,8 @@ class Problem:
         if self.start.phase is not None:
             more.append(self.start.phase.t)
         if pulses is not None:
+            from actionopt.mechanics.pulses import centres
+
             more += centres(pulses, self.start.t, self.end.t, self.packed)
         if not more:
             return self.instants

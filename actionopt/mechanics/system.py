@@ -20,7 +20,6 @@ from actionopt.mechanics.evaluation import NumericLaws
 from actionopt.mechanics.identity import general_states, vanishes
 from actionopt.mechanics.laws import Once
 from actionopt.mechanics.lengths import check_length, square
-from actionopt.mechanics.pickling import reduce
 from actionopt.mechanics.switches import minimum_parts
 from actionopt.mechanics.tracing import (
     MULTIPLIERS,
@@ -390,6 +389,8 @@ class System(NumericLaws):
 
     def __reduce__(self) -> tuple:
         """Carry the law as an expression, and what is derived; no code of the user's."""
+        from actionopt.mechanics.pickling import reduce
+
         return reduce(self)
 
     @property
