@@ -548,3 +548,15 @@ def test_functions_that_casadi_calls_are_refused_without_derivatives():
             ao.solve(ao.Problem(pushed, ao.Event(0.0, [1.0]), other))
     system = System(lambda q, v, t: v[0] ** 2 / 2 + known(q[0]), ["x"])
     assert system.acceleration([1.0], [2.0], 0.0) == pytest.approx([-math.sin(1.0)], abs=1e-6)
+
+
+@pytest.mark.parametrize("law", ["lagrangian", "force", "constraint"])
+def test_a_symbol_that_is_no_argument_is_refused(law):
+    k = ca.SX.sym("k")
+    given = {"force": lambda q, v, t: [k * v[0]], "constraint": lambda q, t: q[0] - k}
+    with pytest.raises(ValueError, match="found 'k' in the la"):
+        System(
+            lambda q, v, t: v[0] ** 2 / 2 - (k if law == "lagrangian" else 1) * q[0],
+            ["x"],
+            **{law: given[law]} if law in given else {},
+        )

@@ -29,6 +29,7 @@ from actionopt.mechanics.tracing import (
     call,
     column,
     order_of,
+    refuse_foreign,
     refuse_nan,
     scalar,
     suggestion,
@@ -330,7 +331,14 @@ class System(NumericLaws):
         F = L if role == "length" else None
         laws = L if F is None else square(F) / 2, constraints, forces, outside, integrands
         self._set(symbols, laws, names_of, table, name, _place(law), F=F)
-        refuse_nan(self.lagrangian_tape.constants, role)
+        beside = ca.vertcat(*laws[1:])
+        if beside.numel():
+            refuse_foreign(beside, self._arguments, "laws beside the Lagrangian")
+        try:
+            refuse_nan(self.lagrangian_tape.constants, role)
+        except RuntimeError:  # CasADi's own, of a symbol that is no argument
+            refuse_foreign(L, self._arguments, role)
+            raise
         if F is not None:
             check_length(self)
 

@@ -393,6 +393,18 @@ def refuse_nan(constants: Sequence[float], role: str) -> None:
         )
 
 
+def refuse_foreign(law: ca.SX, arguments: Sequence[ca.SX], role: str) -> None:
+    """Raise ValueError if an expression contains symbols that are not among its arguments."""
+    known = {x.element_hash() for x in ca.symvar(ca.veccat(*arguments))}
+    foreign = [x.name() for x in ca.symvar(law) if x.element_hash() not in known]
+    if foreign:
+        raise ValueError(
+            f"expected expressions of the arguments, found {foreign[0]!r} in the {role}, a symbol "
+            "of CasADi's own: give parameters by name, System(..., parameters={name: number}), and "
+            "take them as arguments after a star"
+        )
+
+
 def _in_column(result: Any, role: str) -> ca.SX:
     """Return it without a look at what it contains."""
     try:
