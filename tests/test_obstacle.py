@@ -188,7 +188,9 @@ def test_both_ways_round_a_circle():
         ao.solve_all(problem, angles=["x"])
 
 
-@pytest.mark.parametrize("through", [[], [ao.Event(0.25, [-2.0, 0.01])]])
+@pytest.mark.parametrize(
+    "through", [[], pytest.param([ao.Event(0.25, [-2.0, 0.01])], marks=pytest.mark.long)]
+)
 def test_ends_that_nearly_lie_on_an_axis_of_a_disc(through):
     """How far the path goes to a side its events do not tell."""
     A, B = (-4.0, 0.01), (4.0, 0.01)

@@ -247,7 +247,7 @@ def test_what_else_there_is_of_a_closed_path(steady, tmp_path):
     for ask in refused:
         with pytest.raises(ValueError, match=r"closed path|closes"):
             ask()
-    with pytest.raises(ValueError, match="free one"):
+    with pytest.raises(ValueError, match="found one that does not"):
         plot.spectrum_data(steady)
     with pytest.raises(ValueError, match="a path that closes"):
         plot.explore(steady.problem)

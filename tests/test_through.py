@@ -678,7 +678,7 @@ def test_what_several_laws_do_not_share_is_named(tmp_path):
         problem.replace(parameters={"n": 2.0})
     with pytest.raises(ValueError, match="found 'n', of which the systems have the values"):
         ao.sweep(problem, {"n": [1.0, 2.0]})
-    with pytest.raises(ValueError, match=r"the parameters are none$"):
+    with pytest.raises(ValueError, match=r"unknown parameter 'm'; there are none$"):
         problem.replace(parameters={"m": 2.0})
     ao.solve(problem).save(tmp_path / "ray.npz")
     with pytest.raises(ValueError, match="expected the systems of 2 legs, found one system"):
