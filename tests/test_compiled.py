@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers import same_bits
 
-from actionopt.mechanics import compiled
+from actionopt.mechanics import columns, compiled
 from actionopt.mechanics.compiled import PART_OPERATIONS, PARTED, Pointwise
 from actionopt.mechanics.system import System
 
@@ -87,7 +87,7 @@ def test_what_numpy_does_not_know_is_left_to_casadi(monkeypatch):
     def unknown(function):
         raise ValueError
 
-    monkeypatch.setattr(compiled, "Columns", unknown)
+    monkeypatch.setattr(columns, "Columns", unknown)
     q, v, t = states(compiled.AT_ONCE // 4)
     function = new().pointwise("value")
     assert function(q.T, v.T, t[:, None], np.array([[2.0]]))[0].shape == (len(t), 1)

@@ -178,7 +178,7 @@ def test_what_cannot_be_drawn_is_refused():
     problem = ao.Problem(
         scenes.get("oscillator").problem.system, ao.Event(0.0, [1.0]), ao.Event(1.0, [None])
     )
-    with pytest.raises(ValueError, match="pin all coordinates"):
+    with pytest.raises(ValueError, match="that give all coordinates"):
         plot.spectrum(ao.solve(problem))
 
 

@@ -35,6 +35,7 @@ NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are r
 FIRST_BLOCKS, KRYLOV_BLOCKS = 6, 6
 KRYLOV_ERROR = 1e-13  # of values and shift, how far values move that have settled
 MODE_TAIL = 1e-4  # last coefficients of modes in their units: values to its square. Measured
+MODE_WORK = 1e5  # modes times unknowns: no finer mesh beyond. Ad hoc: about two seconds
 SPARE_MODES = 2  # sought beside those that are asked for, which may be as low; ad hoc
 RITZ_ERROR = 1e-3  # of the lowest value, how far it may be off then, where values are close; ad hoc
 MODE_SHIFTS = 50  # most; ad hoc, it ends by itself after some
@@ -76,7 +77,8 @@ def second_variation(
     ----------
     solution : Solution
     count : int
-        How many; the mesh is refined until it resolves them.
+        How many; the mesh is refined until it resolves them. Of many it returns those that it
+        resolves, where more would take too long.
     units : float or (n,) array
         Units of the coordinates in the norm int |eta / units|^2 dt: one where all coordinates
         have the same unit; a length for each where some are angles.
@@ -103,10 +105,16 @@ def second_variation(
         values, eta, mesh, used, shifts = _on_mesh(at, solution.error, count, given, found)
         scaled = eta / used[:, None]
         scaled = scaled / np.abs(scaled).max(axis=(0, 1), initial=0.0)
-        tail = tails(mesh, [scaled[g.nodes].reshape(*g.nodes.shape, -1) for g in mesh.groups])
+        tail = _tails_of(mesh, scaled)
         if 0 < len(values) < count:
             tail[:] = 1.0
         if (finer := refine_where(mesh, tail, MODE_TAIL)) is None:
+            break
+        if count * scaled[..., 0].size > MODE_WORK:
+            shown = [
+                _tails_of(mesh, x[..., None]).max() <= MODE_TAIL for x in np.moveaxis(scaled, 2, 0)
+            ]
+            values = values[: [*shown, False].index(False)]
             break
         at = solution.discrete.on(finer, solution.discrete.multipliers(finer.nodes))
     low = found.index, found.index + found.nullity + shifts
@@ -118,6 +126,11 @@ def second_variation(
         )
     modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
     return SecondVariation(values, modes, found, used)
+
+
+def _tails_of(mesh: Mesh, eta: Array) -> Array:
+    """Return the largest of the last coefficients of variations (K, n, c) on each element, (N,)."""
+    return tails(mesh, [eta[g.nodes].reshape(*g.nodes.shape, -1) for g in mesh.groups])
 
 
 def _on_mesh(

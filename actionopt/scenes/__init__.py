@@ -91,7 +91,6 @@ def title(name: str) -> str:
 def _module(name: str):
     if not among(name, SCENES):
         raise ValueError(
-            f"unknown scene {name!r}; the scenes are {', '.join(SCENES)}"
-            f"{suggestion(str(name), SCENES)}"
+            f"unknown scene {name!r}{suggestion(str(name), SCENES)} (there are {', '.join(SCENES)})"
         )
     return importlib.import_module(f"{__name__}.{name}")
