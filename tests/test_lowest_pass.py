@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.solver.durations import explain_rest
+from actionopt.solver.durations import barrier, explain_rest
 from actionopt.solver.first_paths import straight
 from actionopt.solver.lowest_pass import explain_leg, lowest_pass
 
@@ -81,6 +81,17 @@ def ridges(hill):
 
 HILL = ridges(lambda away: 3 * np.exp(-8 * away))
 RING = ridges(lambda away: 120 * away * np.exp(-20 * away))  # 2.2 at a distance of 0.22
+
+
+def test_round_off_is_no_barrier_between_rests_of_one_energy():
+    """Where cos(pi / 2)^2 is not quite zero: a path leads from rest to rest, with S = 2."""
+    waves = ao.System(lambda q, v, t: v @ v / 2 + (np.sin(q[0]) ** 2 + q[1] ** 2) / 2, ["x", "y"])
+    ever, after = ao.Event(-np.inf, [0.0, 0.0]), ao.Event(np.inf, [np.pi, 0.0])
+    assert not explain_rest(ao.Problem(waves, ever, after))
+    turning = ao.System(lambda q, v, t: (v @ v + q @ q) / 2 - (q @ q) ** 2 / 4, ["x", "y"])
+    back = ao.Problem(turning, ever, ao.Event(0.0, [2**0.5, 0.0]))  # where V is 2e-16
+    assert not explain_rest(back)
+    assert not barrier(back, turning, np.array([back.end.q]), 0.0)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,9 @@ import pytest
 
 import actionopt as ao
 from actionopt.mechanics import separable
+from actionopt.mechanics.switches import narrowness
 from actionopt.mechanics.tracing import stack
+from actionopt.tools.tape import Tape
 
 TABLE = ca.interpolant(
     "V", "bspline", [np.linspace(-9.0, 9.0, 19)], np.linspace(-3.0, 3.0, 19) ** 2
@@ -57,3 +59,17 @@ def test_sums_of_what_is_shared_are_gone_through_once():
     alike, rest = separable._terms(system.lagrangian_tape, system._arguments)
     value = ca.Function("f", system._arguments, [rest])(*[[3.0, 1.0], [2.0, 0.0], 0.0, [0.1]])
     assert not alike and float(value) == pytest.approx(2.0 - 9.0 * 1.1**60)
+
+
+def test_operands_are_those_of_each_result():
+    """What a law of several components divides by is found in all of them."""
+    q, t = ca.SX.sym("q", 2), ca.SX.sym("t")
+    for law, narrow in (
+        (ca.vertcat(q[1], 1 / (q[0] ** 2 + 1e-4)), 1),
+        (ca.vertcat(q[0] * q[1], t / (q[0] + 3)), 1),
+        (ca.vertcat(q[0] / 2, q[1] / 3), 0),
+    ):
+        tape = Tape([q, t], [law])
+        last = [tape.nodes[node.operands[-1]] for node in tape.nodes if node.operation == ca.OP_DIV]
+        assert tape.last_operands([ca.OP_DIV]) == [(node.operation, node.entry[0]) for node in last]
+        assert narrowness(tape) == narrow

@@ -180,7 +180,8 @@ def solve_all(
     of the family is kept, apart from the others. Where the end is `Periodic` the paths close,
     momenta included. Where an event lies on a surface, paths are sought to points all over it, and
     motions that meet it, the first time or later.
-    Along an obstacle they are least paths, round all sides of it: only `starts` and `seed` count.
+    Along an obstacle they are least paths, round all sides of it, from `starts` curves drawn by
+    `seed` and then across each contact of those found: twice as many for each body on the way.
 
     Parameters
     ----------

@@ -172,7 +172,8 @@ def barrier(
     with np.errstate(all="ignore"):
         rest = -law.pointwise("first")(q, 0 * q, np.zeros((len(q), 1)), packed)[2][:, 0]
         k = int(np.argmax(np.where(np.isfinite(rest), rest, -np.inf)))
-        if not rest[k] - energy > MERGED * max(abs(energy), abs(rest[k])):
+        above = MERGED * max(abs(energy), abs(rest[k])) + _roundoff(problem, law, q, energy)
+        if not rest[k] - energy > above:
             return ""
     if not _is_least_at_rest(law, q[k], packed):
         return ""
@@ -180,6 +181,15 @@ def barrier(
         f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {_place(law, q[k])}, "
         f"which {what}" + ("" if problem.energy is None else "; give a larger energy")
     )
+
+
+def _roundoff(problem: Problem, law: System, q: Array, energy: float) -> float:
+    """Return by how much a potential may be off that is as high as an energy, near q (K, n)."""
+    near = q if len(q) > 1 else q + np.outer([0.0, -1.0, 1.0], problem.scales)
+    first, packed = law.pointwise("first"), problem.packed_of(law)
+    with np.errstate(all="ignore"):
+        rest = -first(near, 0 * near, np.zeros((len(near), 1)), packed)[2][:, 0]
+    return TOP_ROUNDOFF * float(np.abs(rest - energy)[np.isfinite(rest)].max(initial=0.0))
 
 
 def _is_least_at_rest(law: System, q: Array, packed: Array) -> bool:
@@ -204,7 +214,9 @@ def explain_rest(problem: Problem) -> str:
     law = problem.system
     for a, b, energy in legs_to_rest(problem):
         if law.n > 1:
-            places, below = b[None], energy + MERGED * abs(energy)
+            line = a + np.linspace(0.0, 1.0, LINE)[:, None] * (b - a)
+            below = energy + MERGED * abs(energy) + _roundoff(problem, law, line, energy)
+            places = b[None]
         else:
             places, below = _tops(problem, a, b, energy)
         height = potential(problem, places)

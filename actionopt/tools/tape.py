@@ -112,7 +112,8 @@ class Tape:
         if ca.OP_CALL in codes:  # of several results: registers are not numbered as operations are
             last = [self.nodes[x.operands[-1]] for x in self.nodes if x.operation in operations]
             return [(x.operation, x.entry[0]) for x in last]
-        at = [f.instruction_input(k)[-1] for k, code in enumerate(codes) if code in operations]
+        made = [k for k, code in enumerate(codes) if code != ca.OP_OUTPUT]  # by register
+        at = [made[f.instruction_input(k)[-1]] for k, x in enumerate(codes) if x in operations]
         inputs = [f.instruction_input(k)[0] if codes[k] == ca.OP_INPUT else -1 for k in at]
         return list(zip([codes[k] for k in at], inputs, strict=True))
 
