@@ -22,6 +22,7 @@ from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.switches import minimum_parts
 from actionopt.solver import first_contacts, free_contact, least_along
 from actionopt.solver.first_contacts import _where_zero, other_sides
+from actionopt.solver.taut_strings import parts_at_zero
 from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"
@@ -127,6 +128,29 @@ def test_a_string_above_a_floor():
         assert np.abs(sol.contact_force(t) * sol(t)).max() < 1e-10  # complementary
         assert sol.acceleration(2.0) == pytest.approx([0], abs=1e-12)
         assert sol.start.v == pytest.approx([-g * begin])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("p", [6, 8])
+def test_a_string_round_flat_sides(p):
+    """Where a side is hardly curved steps of the times of contact contract slowly."""
+    A, B, angle = np.array([-4.0, 0.2]), np.array([4.0, -0.2]), np.linspace(np.pi, 0, 200_001)
+    edge = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    edge /= np.sum(edge**p, axis=1)[:, None] ** (1 / p)
+    i, j = (np.argmax((edge - X)[:, 1] / np.abs((edge - X)[:, 0])) for X in (A, B))
+    before, behind = np.linalg.norm(edge[i] - A), np.linalg.norm(edge[j] - B)
+    along = np.sum(np.linalg.norm(np.diff(edge[i : j + 1], axis=0), axis=1))
+    length = before + along + behind
+    system = body(lambda q: q[0] ** p + q[1] ** p - 1)
+    found = ao.solve(ao.Problem(system, ao.Event(0.0, A), ao.Event(1.0, B)))
+    assert found.action == pytest.approx(length**2 / 2, rel=1e-8)
+    free = found.contacts[0].begin, 1 - found.contacts[-1].end  # either way is as long
+    assert sorted(free) == pytest.approx(sorted([before / length, behind / length]), abs=1e-5)
+
+
+@pytest.mark.parametrize("f", [[-1.0, -1.0, 1.0, 2.0], [-2.0, -1.0, 1.0, 1.0]])
+def test_a_zero_between_values_of_which_two_are_equal(f):
+    assert parts_at_zero(np.array([f]), np.array([2])) == pytest.approx(0.5)
 
 
 @pytest.mark.long

@@ -268,7 +268,9 @@ class Action:
         if not system.m:
             return unit, np.ones(0)
         layout = self.layout
-        on = layout.row_nodes if layout.rows else slice(None)  # of rows that are not in contact
+        # Of rows that are not in contact slopes along the line, which may be far from the obstacle,
+        # are a unit where there is no other: with velocities alone they are measured in contact.
+        on = slice(None) if self.order > 1 and not layout.rows else layout.row_nodes
         nodes = self.mesh.nodes[on][:, None]
         G = system.pointwise("constraint_jacobian")(Q[on], nodes, problem.packed)[0]
         sizes = np.zeros(system.m)

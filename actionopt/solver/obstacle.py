@@ -333,7 +333,10 @@ class Along(Workspace[Iterate]):
             contraction = min(size / last, 1.0) if last < np.inf else contraction
             if RATE_DOUBT * size * contraction < settled:
                 return True
-            if part < 1.0 or (simplified and size * contraction**CHORDS > settled):
+            # Simplified steps are taken where few are left: they go astray where steps contract
+            # slowly. Of the first, which tells no ratio, Newton's next is about the square.
+            ratio = contraction if last < np.inf else size
+            if part < 1.0 or size * ratio**CHORDS > settled:
                 matrix = None
             last = size
         return False

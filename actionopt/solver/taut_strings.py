@@ -189,16 +189,19 @@ class Body:
 def parts_at_zero(f: Array, k: NDInt) -> Array:
     """Return the parts (C,) of the ways from f[k - 1] <= 0 to f[k] > 0 where f (C, K) is zero.
 
-    By the cubic through the four around; where that lies outside, by the line through the two.
+    By the cubic through the four around; where that lies outside, or two values are equal, by the
+    line through the two.
     """
     each, width = np.arange(k.size), min(f.shape[1], 4)
     at = np.clip(k - 2, 0, f.shape[1] - width)[:, None] + np.arange(width)
     values, same = f[each[:, None], at], np.eye(width, dtype=bool)
     apart = np.where(same, 1.0, values[:, None] - values[:, :, None])
+    distinct = apart.all(axis=(1, 2))
+    apart[~distinct] = 1.0
     weights = np.where(same, 1.0, values[:, None] / apart).prod(axis=2)
     part = np.sum(weights * at, axis=1) - (k - 1)
     line = f[each, k - 1] / (f[each, k - 1] - f[each, k])
-    return np.where((part > 0) & (part < 1), part, line)
+    return np.where(distinct & (part > 0) & (part < 1), part, line)
 
 
 def along_surface(points: Array, normals: Array, degree: int) -> tuple[Array, Array]:
