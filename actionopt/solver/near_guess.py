@@ -25,6 +25,7 @@ COARSE_GUESS = LINEAR, COARSE_ELEMENTS
 GUESS_RESOLUTION = 1e-3  # omitted coefficients of a guess that a mesh resolves; flat
 # Those of a finer mesh, and its nodes at most, in those of the largest other. Measured on 36
 # motions past near collisions, exact or a hundredth off: 20 led elsewhere without it, none with it.
+# Of 67 others 5 do.
 FINER_GUESS, FINER_NODES = 1e-7, 4
 
 
