@@ -103,6 +103,13 @@ def second_variation(
     at = solution.discrete
     for _ in range(FIELD_ROUNDS):
         values, eta, mesh, used, shifts = _on_mesh(at, solution.error, count, given, found)
+        low = found.index, found.index + found.nullity + shifts
+        if not min(low[0], len(values)) <= np.sum(values < 0) <= low[1]:
+            raise ValueError(
+                f"expected the signs of the eigenvalues to be those of index {low[0]}, found "
+                f"{np.sum(values < 0)} negative: round-off hides them in these units of the "
+                "coordinates; give `units=`, of the size of each"
+            )
         scaled = eta / used[:, None]
         scaled = scaled / np.abs(scaled).max(axis=(0, 1), initial=0.0)
         tail = _tails_of(mesh, scaled)
@@ -117,13 +124,6 @@ def second_variation(
             values = values[: [*shown, False].index(False)]
             break
         at = solution.discrete.on(finer, solution.discrete.multipliers(finer.nodes))
-    low = found.index, found.index + found.nullity + shifts
-    if not min(low[0], len(values)) <= np.sum(values < 0) <= low[1]:
-        raise ValueError(
-            f"expected the signs of the eigenvalues to be those of index {low[0]}, found "
-            f"{np.sum(values < 0)} negative: round-off hides them in these units of the "
-            "coordinates; give `units=`, of the size of each"
-        )
     modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
     return SecondVariation(values, modes, found, used)
 
