@@ -121,8 +121,9 @@ def _couple(
     def find_pairs(name: str, output: int, values: Array) -> tuple[Array, NDInt, NDInt]:
         row, col = system.pointwise(name).sparsity(output)
         values = values[g.span] * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
-        pairs = (r * tr.layout.blocks.width + c for r, c in ((row, col), (col, row)))
-        return values.reshape(E, points, -1), *(np.searchsorted(known, p) for p in pairs)
+        width = tr.layout.blocks.width
+        at, mirrored = (np.searchsorted(known, p) for p in (row * width + col, col * width + row))
+        return values.reshape(E, points, -1), at, mirrored
 
     mass, there, back = find_pairs("second", 2, C)
     pairs = (g.rule.stiffness @ (mass / tr.halves[group])).reshape(E, points, points, -1)
