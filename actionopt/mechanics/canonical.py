@@ -135,9 +135,9 @@ def _motion_of(system: System) -> System:
 
 def _without_action(system: System, s: Symbols, M: ca.SX, right: ca.SX) -> System:
     """Return the system of Y that moves as M Y'' = right says."""
-    found, width = object.__new__(System), s.q.numel()
+    width = s.q.numel()
     names = tuple(c + "''" * k for k in range(system.order) for c in system.coordinates)
     laws = ca.SX(0), ca.SX(0, 1), ca.SX(0, 1)
-    found._set(s, laws, names, system.table, system.name, system.source)
+    found = System.of_laws(s, laws, names, system.table, system.name, system.source)
     vars(found)["motion"] = M, right, ca.SX(0, width), ca.SX(0, 1)
     return found

@@ -66,13 +66,12 @@ def load(cls: type, digest: str, derived: list[str], version: str, state: bytes)
                 f"was pickled with {version}; use the same version on both sides"
             ) from error
         if system is None:
-            system, table = object.__new__(cls), ParameterTable(defaults)
+            table = ParameterTable(defaults)
             known = ca.Function.deserialize(law)
             order = known.numel_in(0) // len(coordinates)
             symbols = Symbols.of(len(coordinates), table, order)
             laws = known.call([symbols.q, symbols.v, symbols.t, symbols.p])
-            known = tuple(laws[:5]), coordinates, table, name, source
-            system._set(symbols, *known, loaded=True, F=laws[5] if len(laws) > 5 else None)
+            system = cls.of_laws(symbols, laws, coordinates, table, name, source, True)
             _KNOWN[digest] = system
             _RECENT.append(system)
         with system.lock:

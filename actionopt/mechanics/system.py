@@ -328,10 +328,10 @@ class System(NumericLaws):
                 f"parameter {unused[0]!r} is used by none of the callables, which name "
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
-        F = L if role == "length" else None
-        laws = L if F is None else square(F) / 2, constraints, forces, outside, integrands
-        self._set(symbols, laws, names_of, table, name, _place(law), F=F)
-        beside = ca.vertcat(*laws[1:])
+        F = (L,) if role == "length" else ()
+        laws = square(L) / 2 if F else L, constraints, forces, outside, integrands, *F
+        self._set(symbols, laws, names_of, table, name, _place(law))
+        beside = ca.vertcat(*laws[1:5])
         if beside.numel():
             refuse_foreign(beside, self._arguments, "laws beside the Lagrangian")
         try:
@@ -339,27 +339,33 @@ class System(NumericLaws):
         except RuntimeError:  # CasADi's own, of a symbol that is no argument
             refuse_foreign(L, self._arguments, role)
             raise
-        if F is not None:
+        if F:
             check_length(self)
+
+    @classmethod
+    def of_laws(cls, symbols: Symbols, laws: Sequence[ca.SX], *known: Any) -> System:
+        """Return the system of laws that are traced, as `_set` takes them."""
+        system = object.__new__(cls)
+        system._set(symbols, laws, *known)
+        return system
 
     def _set(
         self,
         symbols: Symbols,
-        laws: tuple[ca.SX, ...],
+        laws: Sequence[ca.SX],
         coordinates: tuple[str, ...],
         table: ParameterTable,
         name: str,
         source: str,
         loaded: bool = False,
-        F: ca.SX | None = None,
     ) -> None:
-        """Set what is known of a law that is traced."""
+        """Set what is known of a law that is traced; `laws` are L, f, Q, the obstacle, g and F."""
         L, f, Q, *more = laws
         self.outside = more[0] if more else ca.SX(0, 1)
         self.r = self.outside.numel()  # rows of the obstacle
         self.g = more[1] if len(more) > 1 else ca.SX(0, 1)  # what a problem may give integrals of
         super().__init__(symbols, L, f, Q, coordinates)
-        self.F = F
+        self.F = more[2] if len(more) > 2 else None
         self.table, self.name, self.source, self.loaded = table, name, source, loaded
         self.layouts: dict[Any, Any] = {}  # of its discrete problems; they live as long as it does
 
@@ -424,10 +430,7 @@ class System(NumericLaws):
 
         def build() -> System:
             laws = self.L, self.f, self.Q, ca.vertcat(*(self.outside[i] for i in rows)), self.g
-            found = object.__new__(System)
-            found._set(self.symbols, laws, self.coordinates, self.table, self.name, self.source)
-            found._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
-            return found
+            return self._with_laws(laws)
 
         return self.memoize(f"with rows {rows}", build) if rows else self.without_obstacle
 
@@ -464,11 +467,14 @@ class System(NumericLaws):
 
     def _holding(self, outside: ca.SX) -> System:
         """Return the system whose constraints are these and the rows of an obstacle."""
-        held = object.__new__(System)
-        laws = self.L, ca.vertcat(self.f, outside), self.Q, ca.SX(0, 1), self.g
-        held._set(self.symbols, laws, self.coordinates, self.table, self.name, self.source)
-        held._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
-        return held
+        return self._with_laws((self.L, ca.vertcat(self.f, outside), self.Q, ca.SX(0, 1), self.g))
+
+    def _with_laws(self, laws: tuple[ca.SX, ...]) -> System:
+        """Return the system with other laws beside this L, whose derivatives are kept."""
+        known = self.coordinates, self.table, self.name, self.source
+        system = System.of_laws(self.symbols, laws, *known)
+        system._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
+        return system
 
     def with_parameters(self, more: Mapping[str, ArrayLike]) -> System:
         """Return the system with further parameters, which its laws do not contain.
@@ -479,12 +485,11 @@ class System(NumericLaws):
         table = ParameterTable({**self.table.defaults, **more})
 
         def build() -> System:
-            symbols, system = Symbols.of(self.n, table, self.order), object.__new__(System)
+            symbols = Symbols.of(self.n, table, self.order)
             packed = symbols.p[: self.symbols.p.numel()]  # they come behind
             laws = self._law.call([symbols.q, symbols.v, symbols.t, packed])
-            known = tuple(laws[:5]), self.coordinates, table, self.name, self.source
-            system._set(symbols, *known, self.loaded, F=laws[5] if len(laws) > 5 else None)
-            return system
+            known = self.coordinates, table, self.name, self.source
+            return System.of_laws(symbols, laws, *known, self.loaded)
 
         return self.memoize(f"with {table.shapes}", build)
 
@@ -497,13 +502,13 @@ class System(NumericLaws):
         if not self.g.numel():
             return self
         table = ParameterTable({**self.table.defaults, MULTIPLIERS: np.zeros(self.g.numel())})
-        symbols, system = Symbols.of(self.n, table, self.order), object.__new__(System)
+        symbols = Symbols.of(self.n, table, self.order)
         packed = symbols.p[: self.symbols.p.numel()]
         L, f, Q, outside, g = self._law.call([symbols.q, symbols.v, symbols.t, packed])[:5]
         kappa = symbols.p[self.symbols.p.numel() :]
         laws = L + ca.dot(kappa, g), f, Q, outside, g
-        system._set(symbols, laws, self.coordinates, table, self.name, self.source, self.loaded)
-        return system
+        known = self.coordinates, table, self.name, self.source
+        return System.of_laws(symbols, laws, *known, self.loaded)
 
     def laws_of(self, q: ca.SX, v: ca.SX, t: ca.SX, packed: ca.SX) -> tuple[ca.SX, ...]:
         """Return L, f, Q, obstacle and g of expressions, the parameters packed in one column."""
@@ -524,13 +529,12 @@ class System(NumericLaws):
         first, table = systems[0], ParameterTable(parameters)
 
         def build() -> System:
-            symbols, system = Symbols.of(first.n, table, first.order), object.__new__(System)
+            symbols = Symbols.of(first.n, table, first.order)
             sizes = np.cumsum([0, *(math.prod(shape) for shape in table.shapes.values())])
             columns = [symbols.p[a:b] for a, b in pairwise(sizes.tolist())]
             named = dict(zip(table.shapes, columns, strict=True))
             laws = law(symbols, named, columns[-1])
-            system._set(symbols, laws, first.coordinates, table, first.name, first.source)
-            return system
+            return System.of_laws(symbols, laws, first.coordinates, table, first.name, first.source)
 
         key = tuple(id(system) for system in systems)
         return first.memoize(f"in turn {key}", lambda: (build(), systems))[0]
