@@ -354,6 +354,39 @@ def test_a_rest_at_zero_may_have_the_force_of_round_off():
         ao.solve(ao.Problem(pushed, *ends))
 
 
+@pytest.mark.parametrize("hung", [math.pi, 3.1415926])
+def test_a_rest_at_zero_may_be_off_as_a_coupled_coordinate_is(hung):
+    """L = |v|^2 / 2 + |grad W|^2 / 2: the action of a path that climbs W from its minimum is W."""
+
+    def law(q, v, t):
+        up = -np.sin(q[0]) + q[1] * np.cos(q[0]) / 2, np.sin(q[0]) / 2 + q[1]
+        return (v @ v + up[0] ** 2 + up[1] ** 2) / 2
+
+    asked = ao.Problem(
+        ao.System(law, ["a", "y"]), ao.Event(-INF, [hung, 0.0]), ao.Event(0.0, [2.0, 0.3])
+    )
+    found = ao.solve(asked, tol=1e-6)
+    assert found.action == pytest.approx(np.cos(2) + 0.15 * np.sin(2) + 0.045 + 1, rel=1e-6)
+    wrong = ao.Problem(asked.system, ao.Event(-INF, [hung, 1e-5]), asked.end)
+    with pytest.raises(ValueError, match=r"expected an equilibrium.*one is near \[3\.14159265"):
+        ao.solve(wrong)
+
+
+def test_a_pendulum_may_rest_upright_in_axes_that_are_turned():
+    """The axis has cos(pi / 2) = 6e-17 across; S = 8 sqrt(g) sin^2(phi / 4) for the angle phi."""
+    across = np.cos(np.pi / 2)
+    law = ao.System(
+        lambda q, v, t: v @ v / 2 - 9.81 * (across * q[0] + q[1]),
+        ["x", "y"],
+        constraint=lambda q, t: [q @ q - 1],
+    )
+    found = ao.solve(
+        ao.Problem(law, ao.Event(-INF, [0.0, 1.0]), ao.Event(0.0, [0.6, 0.8])), tol=1e-6
+    )
+    expected = 8 * np.sqrt(9.81) * np.sin(np.arcsin(0.6) / 4) ** 2
+    assert found.action == pytest.approx(expected, rel=1e-6)
+
+
 def test_near_a_rest_a_path_decays_by_its_rates():
     hill = ao.System(lambda q, v, t: (v[0] ** 2 + 4 * q[0] ** 2) / 2, ["x"])
     near = rest(hill, np.zeros((1, 0)), np.zeros(1), 0.0, 1)

@@ -123,12 +123,14 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
         q = q - step
         if np.abs(step).max() <= 1e-15 * max(np.abs(q).max(), 1e-300):
             break
-    size = np.maximum(np.abs(given), np.abs(q))
+    size = np.maximum(np.abs(given), np.abs(q)) + first.unseen(np.abs(given))
     size = np.where(size > 0, size, 1.0)
     off = np.abs(at.force) > NEAR_REST * (np.abs(at.by_q) @ size)
     lost = off.any()
     off |= np.abs(q - given) > NEAR_REST * size
-    if off.any() and bool((np.abs(first.push) <= _round_off(system, packed, given, t)).all()):
+    if off.any() and bool(
+        (np.abs(first.force) <= _round_off(system, packed, given, t, first.lam)).all()
+    ):
         q, off = given, np.zeros(1)
     if off.any():
         near = "" if lost else f"; one is near {q.tolist()}"
@@ -211,34 +213,58 @@ class _Linearization:
         force = push + lam @ G
         return cls(pull, push, force, A + bent, B, C, by_q + bent, work[1], f, lam, G)
 
+    def _matrix(self) -> Array:
+        """Return how force and constraints change with q and multipliers, (n + m, n + m)."""
+        m = self.f.size
+        return np.block([[self.by_q, self.G.T], [self.G, np.zeros((m, m))]])
+
     def step(self) -> Array:
         """Return how far from the equilibrium q is, to first order, (n,)."""
-        m, n = self.G.shape
-        matrix = np.block([[self.by_q, self.G.T], [self.G, np.zeros((m, m))]])
-        return np.linalg.lstsq(matrix, np.r_[self.force, self.f], rcond=None)[0][:n]
+        both = np.r_[self.force, self.f]
+        return np.linalg.lstsq(self._matrix(), both, rcond=None)[0][: self.force.size]
+
+    def unseen(self, size: Array) -> Array:
+        """Return how large coordinates of no `size` (n,) may be called that an error moves, (n,).
+
+        It moves the others by a part of theirs, and these go with them; or it is of round-off, in
+        the units that the mass matrix has in common for all.
+        """
+        bare = size == 0
+        found = np.zeros(size.size)
+        if bare.any() and not bare.all():
+            free = np.r_[bare, np.ones(self.f.size, bool)]
+            rows = self._matrix()[free]
+            by = np.linalg.lstsq(rows[:, free], rows[:, ~free], rcond=None)[0][: bare.sum()]
+            unit = np.sqrt(np.abs(np.diagonal(self.C)))
+            rounded = EPS * (unit @ size) / np.where(unit > 0, unit, np.inf)
+            found[bare] = np.abs(by) @ size[~bare] + rounded[bare] / NEAR_REST
+        return found
 
 
-def _round_off(system: System, packed: Array, q: Array, t: float) -> Array:
-    """Return how coarsely the force L_q is rounded at rest at q, (n,): zero may be as much.
+def _round_off(system: System, packed: Array, q: Array, t: float, lam: Array) -> Array:
+    """Return how coarsely the force at rest at q is rounded, (n,): zero may be as much.
 
     Each number and each result of an operation is off by an eps of itself; to first order in that
     (N. J. Higham, *Accuracy and Stability of Numerical Algorithms* (2nd ed. 2002), section 3.3).
     """
-    s = system.symbols
-    tape = Tape([s.q, s.v, s.t, s.p], [ca.densify(system.derivatives.Lq)])
+    s, d = system.symbols, system.derivatives
+    inputs = s.q, s.v, s.t, s.p, ca.SX.sym("lam", system.m)
+    total = d.Lq + d.G.T @ inputs[-1] + (system.Q if system.structure.forced else 0)
+    tape = Tape(inputs, [ca.densify(total)])
     off = ca.SX.sym("off", len(tape.nodes))
-    inputs, count = (s.q, s.v, s.t, s.p), iter(range(len(tape.nodes)))
+    count = iter(range(len(tape.nodes)))
 
     def with_rounding(node: Node, x: list[ca.SX]) -> ca.SX:
         if node.kind == "input":
-            return inputs[node.entry[0]][node.entry[1]]
-        exact = node.of(x) if x else ca.SX(node.value)
+            exact = inputs[node.entry[0]][node.entry[1]]
+        else:
+            exact = node.of(x) if x else ca.SX(node.value)
         return exact * (1 + off[next(count)])
 
     made = tape.fold(with_rounding)
     force = ca.vertcat(*[made[k] for k in tape.results[0]])
     by = ca.Function("by", [*inputs, off], [ca.jacobian(force, off)])
-    found = np.array(by(q, np.zeros(system.n), t, packed.ravel(), 0).full())
+    found = np.array(by(q, np.zeros(system.n), t, packed.ravel(), lam, 0).full())
     return EPS * np.abs(found).sum(axis=1)
 
 
