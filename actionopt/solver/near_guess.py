@@ -23,10 +23,10 @@ GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshe
 # Elements tried before. Measured on chains, bodies and lattices: half the time, at any tolerance.
 COARSE_GUESS = LINEAR, COARSE_ELEMENTS
 GUESS_RESOLUTION = 1e-3  # omitted coefficients of a guess that a mesh resolves; flat
-# Those of meshes that show a turn far shorter than the way, and the forces in it; and their nodes at
-# most, in those of the largest other. Measured on 174 motions past near collisions (1 - e from .001
-# to .1), as their own guess: without the second one in six leads elsewhere, with it none; beyond,
-# to 1 - e = 1e-4, 3 of 15. A thousandth off, 5 of 30 for 9; a hundredth off, 10 for 12.
+# Those of meshes that show a turn far shorter than the way, and the forces in it; and their nodes,
+# in those of the largest other at most. Measured on 174 motions past near collisions (1 - e from
+# .001 to .1), as their own guess: without the second one in six leads elsewhere, with it none;
+# beyond, to 1 - e = 1e-4, 3 of 15. A thousandth off, 5 of 30 for 9; a hundredth off, 10 for 12.
 FINER, SHARP = (1e-7, 4), (1e-10, 4)
 
 
