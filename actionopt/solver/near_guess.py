@@ -27,7 +27,7 @@ GUESS_RESOLUTION = 1e-3  # omitted coefficients of a guess that a mesh resolves;
 # in those of the largest other at most. Measured on 174 motions past near collisions (1 - e from
 # .001 to .1), as their own guess: without the second one in six leads elsewhere, with it none;
 # beyond, to 1 - e = 1e-4, 3 of 15. A thousandth off, 5 of 30 for 9; a hundredth off, 10 for 12.
-FINER, SHARP = (1e-7, 4), (1e-10, 4)
+SHORT_TURN, SHARP = (1e-7, 4), (1e-10, 4)
 
 
 def follow_neighbour(search: Search, neighbour: Solution) -> Status:
@@ -221,7 +221,7 @@ def _fine_enough(search: Search, curve_of: Callable[[Mesh], Path]) -> list[Mesh]
     found = _shown(search, curve_of, curve, (GUESS_RESOLUTION, 1))
     if found is None:
         return meshes
-    finer = _shown(search, curve_of, found, FINER)
+    finer = _shown(search, curve_of, found, SHORT_TURN)
     return [found.mesh, *([] if finer is None else [finer.mesh]), *meshes]
 
 
