@@ -76,7 +76,7 @@ def follow_guess(
             return found
     meshes = _fine_enough(search, curve_of)
     made = meshes[: -len(GUESS_MESHES)]
-    if (sharp := _sharp(search, curve_of)) is not None:
+    if (sharp := _show_turns(search, curve_of)) is not None:
         search.ws.transcribe(sharp.mesh, sharp, like=sharp)
         status = search.refine() if search.ws.follow(FOLLOWED_REACH) else status
         if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
@@ -218,14 +218,14 @@ def _fine_enough(search: Search, curve_of: Callable[[Mesh], Path]) -> list[Mesh]
         shown = _resolution_of(search, curve)
         if curve.mesh is not mesh or shown.worst < GUESS_RESOLUTION:
             return meshes[k:]
-    found = _shown(search, curve_of, curve, (GUESS_RESOLUTION, 1))
+    found = _refine_guess(search, curve_of, curve, (GUESS_RESOLUTION, 1))
     if found is None:
         return meshes
-    finer = _shown(search, curve_of, found, SHORT_TURN)
+    finer = _refine_guess(search, curve_of, found, SHORT_TURN)
     return [found.mesh, *([] if finer is None else [finer.mesh]), *meshes]
 
 
-def _sharp(search: Search, curve_of: Callable[[Mesh], Path]) -> Path | None:
+def _show_turns(search: Search, curve_of: Callable[[Mesh], Path]) -> Path | None:
     """Return a guess with turns far shorter than the way on a mesh that shows the forces there.
 
     Where it is the path, Newton's method finds it from there, and another one from a coarser mesh.
@@ -234,10 +234,10 @@ def _sharp(search: Search, curve_of: Callable[[Mesh], Path]) -> Path | None:
     curve = curve_of(few)
     if curve.mesh is not few or _resolution_of(search, curve).worst < GUESS_RESOLUTION:
         return None
-    return _shown(search, curve_of, curve_of(many), SHARP)
+    return _refine_guess(search, curve_of, curve_of(many), SHARP)
 
 
-def _shown(
+def _refine_guess(
     search: Search, curve_of: Callable[[Mesh], Path], curve: Path, wanted: tuple[float, int]
 ) -> Path | None:
     """Return the guess on a mesh that leaves out little of it, from a `curve` on a coarser one.
