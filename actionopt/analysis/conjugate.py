@@ -46,8 +46,7 @@ CLOSEST_TIMES = 1e-9  # no shorter parts of the time are halved
 SAME_ROOT = 1e-8  # roots this close are one, of higher multiplicity
 # How far times move that have settled; and under constraints, whose multipliers have fewer digits.
 SETTLED_TIMES, SETTLED_HELD = 1e-9, 1e-5
-SETTLED_PHASE = 1e-6  # of which the square is left. Derived
-ZERO = 1e-14  # of an eigenvalue; ad hoc
+SETTLED_VALUE = 1e-6  # of which the square is left where the slope is known. Derived
 PASS_STEPS = 100  # never reached: superlinear, four are many
 
 
@@ -171,7 +170,8 @@ def _falls(solution: Solution) -> list[float]:
                 a = max((t for t in known if miss(t, k) < 0), default=start)
                 b = min(t for t in known if miss(t, k) >= 0)
                 at_a = miss(a, k) if a > start else -1.0  # on short times rates are all there is
-                found[k] = _zero(lambda t, k=k: miss(t, k), a, at_a, b, miss(b, k))
+                ends = (np.array([x]) for x in (a, at_a, b, miss(b, k)))
+                found[k] = float(_passes(lambda _, t, k=k: np.array([miss(*t, k)]), *ends)[0])
     return found
 
 
@@ -304,7 +304,7 @@ def _roots(phases: Phases, parts: int = 1) -> list[float]:
         _beyond(theta[interval], -order),
         _beyond(theta[interval + 1], passed[interval] - order),
     )
-    roots = _passes(miss, speed, t[interval], below, t[interval + 1], above).tolist()
+    roots = _passes(miss, t[interval], below, t[interval + 1], above, speed).tolist()
     # A root at the very end may fall behind it by rounding.
     late = (np.pi - theta[-1]) / speed < close
     return roots + [float(t[-1])] * int(np.sum(late & phases.regular[1]))
@@ -369,53 +369,47 @@ def _follow(phases: Phases, parts: int) -> tuple[Array, Array, Array, NDInt]:
 
 def _passes(
     miss: Callable[[NDInt, Array], Array],
-    speed: float,
     low: Array,
     below: Array,
     high: Array,
     above: Array,
+    speed: float | None = None,
 ) -> Array:
-    """Return times (A,) at which functions pass zero upwards, where their slope is `speed`.
+    """Return times (A,) at which functions pass zero upwards, with the slope `speed` if known.
 
     They have the values `below` and `above` (A,) at the times `low` and `high`; `miss(which, t)`
-    returns those of some, (B,), at the times t (B,). As the slope is known, t - value / speed is a
-    root but for the square of the value: of two values a root is known to the square of both.
+    returns those of some, (B,), at the times t (B,). The time is interpolated as a function of the
+    value: by a parabola through three, or through two with the slope, which leaves its square.
     """
+    settled = SETTLED_VALUE**2 if speed is None else SETTLED_VALUE
     t, value = np.stack([low, high]), np.stack([below, above])
-    low, high, slow = low.copy(), high.copy(), np.zeros(low.size, dtype=bool)
+    low, high, slow, guess = low.copy(), high.copy(), np.zeros(low.size, dtype=bool), low
     for _ in range(PASS_STEPS):
-        best = np.argsort(np.abs(value), axis=0)[:2]
+        best = np.argsort(np.abs(value), axis=0)[: 3 if speed is None else 2]
         t, value = np.take_along_axis(t, best, 0), np.take_along_axis(value, best, 0)
-        near = t - value / speed
+        guess = _at_zero(value, t) if speed is None else _at_zero(value**2, t - value / speed)
         wide = high - low > 4 * EPS * np.maximum(np.abs(low), np.abs(high))
-        live = np.flatnonzero((np.abs(value[0]) > SETTLED_PHASE) & wide)
+        live = np.flatnonzero((np.abs(value[0]) > settled) & wide)
         if not live.size:
             break
-        a, b, (one, other), square = low[live], high[live], near[:, live], value[:, live] ** 2
-        with np.errstate(all="ignore"):
-            guess = (one * square[1] - other * square[0]) / (square[1] - square[0])
-        guess = np.where((a < guess) & (guess < b) & ~slow[live], guess, (a + b) / 2)
-        now = miss(live, guess)
-        slow[live] = ~slow[live] & (now**2 > square[0] / 4)
-        low[live], high[live] = np.where(now < 0, guess, a), np.where(now < 0, b, guess)
-        t, value = np.vstack([t, low]), np.vstack([value, np.full(low.size, np.inf)])
-        t[2, live], value[2, live] = guess, now
-    return np.clip(near[0], low, high)
+        a, b, near = low[live], high[live], guess[live]
+        near = np.where((a < near) & (near < b) & ~slow[live], near, (a + b) / 2)
+        now = miss(live, near)
+        slow[live] = ~slow[live] & (now**2 > value[0, live] ** 2 / 4)
+        low[live], high[live] = np.where(now < 0, near, a), np.where(now < 0, b, near)
+        t, value = np.vstack([t, low]), np.vstack([value, np.full(low.size, 1 / EPS)])
+        t[-1, live], value[-1, live] = near, now
+    return np.clip(guess, low, high)
 
 
-def _zero(miss: Callable[[float], float], a: float, at_a: float, b: float, at_b: float) -> float:
-    """Return the time between a and b at which a function passes zero upwards (Illinois method)."""
-    side = 0
-    for _ in range(PASS_STEPS):
-        if b - a <= 2 * EPS * max(abs(a), abs(b)) or at_b == 0:
-            break
-        t = (a * at_b - b * at_a) / (at_b - at_a)
-        t = t if a < t < b else (a + b) / 2
-        now = miss(t)
-        if abs(now) < ZERO:
-            return t
-        if now > 0:
-            b, at_b, at_a, side = t, now, at_a / (2 if side > 0 else 1), 1
-        else:
-            a, at_a, at_b, side = t, now, at_b / (2 if side < 0 else 1), -1
-    return b
+def _at_zero(x: Array, y: Array) -> Array:
+    """Return polynomials through the points x, y (k, A) at zero, (A,); the first y where none is.
+
+    A point with a huge x plays no part.
+    """
+    found = np.zeros_like(y[0])
+    with np.errstate(all="ignore"):
+        for j in range(len(x)):
+            others = np.delete(x, j, axis=0)
+            found += y[j] * np.prod(others / (others - x[j]), axis=0)
+    return np.where(np.isfinite(found), found, y[0])
