@@ -86,10 +86,13 @@ def test_forces_of_a_moved_end_are_those_of_its_variation():
     at = DiscretePath.of(ao.Problem(ao.System(coupled, ["x", "y"]), *ends), path)
     form = AssembledForm(at, at.tr.kkt(at.z))
     for k in (0, -1):
-        eta = np.zeros((*at.Q.shape, 2))
-        eta[k] = np.eye(2)
+        eta, whole = np.zeros((2, *at.Q.shape, 2))
+        eta[k] = np.diag(1 / at.tr.lengths)
         found = form.coupling(k).times(np.eye(2), at.Q.size)
-        np.testing.assert_allclose(found, form.forces(eta).reshape(-1, 2), atol=1e-12)
+        for g in at.tr.layout.groups:
+            forces = form.forces(g, eta[g.nodes]) / at.tr.lengths[:, None]
+            np.add.at(whole, g.nodes, forces)
+        np.testing.assert_allclose(found, whole.reshape(-1, 2), atol=1e-12)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,18 +12,25 @@ from functools import cached_property
 
 import numpy as np
 
-from actionopt.analysis.jacobi import FIELD_ROUNDS, coefficients_left_out, refine_where, tails
+from actionopt.analysis.jacobi import (
+    FIELD_ROUNDS,
+    coefficients_left_out,
+    propagate,
+    refine_where,
+    tails,
+)
 from actionopt.analysis.second_variation import (
     check_independent,
     couples_at_rest,
-    curvature,
     normals,
     tangent,
+    typical_frequency,
 )
 from actionopt.discrete.blocks import Condensed, in_parts
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import SparseFactors, diagonal, solve_inside
 from actionopt.discrete.mesh import Group
+from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.scales import diagonal as diagonal_of
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
@@ -87,167 +94,129 @@ class AssembledForm:
             t = tr.mesh.boundaries[:, None]
             G = normals(tr.problem, at.Q[layout.offsets], t) * tr.lengths
             ends -= np.linalg.pinv(G) @ (G @ ends)
-        tables = [x.reshape(*x.shape[:2], -1) for x in self._between(ends)]
+        ends = ends[np.arange(count - 1)[:, None] + [0, 1]]  # of each element
+        tables = [x.reshape(*x.shape[:2], -1) for x, _ in self._between(ends)]
         return [x / np.abs(x).max(axis=(1, 2), keepdims=True) for x in tables]
 
-    def _between(self, ends: Array) -> list[Array]:
-        """Return solutions of the linearised equations on each element, (E, d + 1, n, c).
+    def _between(self, ends: Array) -> list[tuple[Array, Array]]:
+        """Return solutions of the linearised equations on each element, (E, d + 1, n, c), by group.
 
-        They are `ends` (N + 1, n, c) where elements meet, all in the sizes of the coordinates.
+        In the sizes of the coordinates, with given `ends` (N, 2, n, c). And d2S there of any two of
+        them, (E, c, c); what single nodes add to it is that of the element before.
         """
-        tr, layout, n = self.at.tr, self.at.tr.layout, ends.shape[1]
-        if layout.storage == "sparse":
-            whole = self._fill_elements(ends * tr.lengths[:, None]) / tr.lengths[:, None]
-            return [whole[g.nodes] for g in layout.groups]
-        assert isinstance(self.factors, Condensed)
-        given = np.zeros((len(ends), layout.blocks.width, ends.shape[2]))
-        given[:, :n] = ends
-        at_ends = [np.stack([given[g.elements], given[g.elements + 1]], 1) for g in layout.groups]
-        return [x[:, :, :n] for x in self.factors.between(at_ends)]
+        tr, layout, (_, _, n, count), found = self.at.tr, self.at.tr.layout, ends.shape, []
+        if layout.storage == "blocks":
+            assert isinstance(self.factors, Condensed)
+            nodal = layout.blocks.split(self.matrix)[1]
+            given = np.pad(ends, ((0, 0), (0, 0), (0, nodal.shape[1] - n), (0, 0)))
+            inside = self.factors.between([given[g.elements] for g in layout.groups])
+            for g, part, eta in zip(layout.groups, self.factors.inner, inside, strict=True):
+                own = given[g.elements].reshape(len(eta), -1, count)
+                S = part.end_blocks.reshape(len(eta), 2, -1, 2, nodal.shape[1])
+                S = S[:, ::-1, :, ::-1].copy()  # the last node stands first there
+                S[:, 1, :, 1] += nodal[g.elements + 1]
+                work = own.swapaxes(1, 2) @ (S.reshape(len(eta), own.shape[1], -1) @ own)
+                found.append((eta[:, :, :n], tr.action_unit * work))
+            return found
+        free = ~np.isin(layout.free // n, layout.offsets)  # inside
+        node, place = np.divmod(layout.free[free], n)
+        whole = np.zeros((layout.node_count, n, count))
+        for g in layout.groups:
+            eta = np.zeros((*g.nodes.shape, n, count))
+            eta[:, [0, -1]] = ends[g.elements]
+            found.append((eta, self.forces(g, eta)))
+            whole[g.nodes] = found[-1][1]
+        for some in in_parts(count * free.any(), layout.size):
+            pushed = whole[node, place, some]
+            load = np.zeros((layout.size, pushed.shape[1]))
+            load[: layout.unknowns][free] = -pushed / tr.action_unit
+            whole[node, place, some] = solve_inside(layout, self.matrix, load)[: layout.unknowns][
+                free
+            ]
+        for k, (g, (eta, forces)) in enumerate(zip(layout.groups, found, strict=True)):
+            eta[:, 1:-1] = whole[g.nodes[:, 1:-1]]
+            one, other = (x.reshape(len(eta), -1, count) for x in (eta, forces))
+            found[k] = eta, one.swapaxes(1, 2) @ other
+        return found
 
     @cached_property
     def frequency(self) -> float:
-        """How fast variations may turn, on the whole: as `Form.frequency`."""
-        second = self.at.problem.system.pointwise("second")
-        mass = np.abs(diagonal_of(self.at.problem.system, 2, self.second[2]))
-        mixed = second.sparsity(1), self.second[1]
-        springs, coupling = (
-            sum((values**2 / (mass[:, row] * mass[:, col])).sum() for (row, col), values in entries)
-            for entries in (self._springs, [mixed])
-        )
-        rate = (springs / mass.size) ** 0.25 + np.sqrt(coupling / mass.size)
-        return float(1 / self.at.problem.duration + rate)
+        """How fast variations may turn, on the whole."""
+        mass = diagonal_of(self.at.problem.system, 2, self.second[2])
+        mixed = (*self._second.sparsity(1), self.second[1])
+        springs = [(*function.sparsity(0), values) for function, values in self._springs]
+        return typical_frequency(self.at.problem.duration, mass, springs, [mixed])
 
     def jacobi_fields(self) -> list[Array]:
         """Return the Jacobi fields that vanish at the start, on each element (d + 1, n, r).
 
-        In the sizes of the coordinates. From one element to the next they are recombined, as those
-        of `jacobi.fields` are.
+        In the sizes of the coordinates, recombined from one element to the next.
         """
-        at, tr, layout, problem = self.at, self.at.tr, self.at.tr.layout, self.at.problem
-        Q, t, lengths = at.Q[layout.offsets], tr.mesh.boundaries[:, None], tr.lengths
-        Z = tangent(problem, Q, t, lengths)
-        bend = np.zeros((len(Q), Z.shape[1], Z.shape[1]))
-        if layout.rows:
-            bend = curvature(problem, Q, at.lam[layout.offsets], t) * (lengths[:, None] * lengths)
-        # Columns in turn for every other boundary, so that an element's ends move one by one.
-        r = Z.shape[2]
-        ends = np.zeros((*Z.shape[:2], 2 * r))
-        ends[0::2, :, :r], ends[1::2, :, r:] = Z[0::2], Z[1::2]
-        found: list[Array] = [np.empty(0)] * tr.mesh.elements
+        at, tr, layout = self.at, self.at.tr, self.at.tr.layout
+        Z = tangent(at.problem, at.Q[layout.offsets], tr.mesh.boundaries[:, None], tr.lengths)
+        count, n, r = Z.shape
+        ends = np.zeros((count - 1, 2, n, 2, r))  # of which one moves, then the other
+        ends[:, 0, :, 0], ends[:, 1, :, 1] = Z[:-1], Z[1:]
+        found: list[Array] = [np.empty(0)] * (count - 1)
         stiffness: list[Array] = found.copy()
-        for g, eta in zip(layout.groups, self._between(ends), strict=True):
-            forces = self._end_forces(g, eta)
-            for k, e in enumerate(g.elements.tolist()):
-                weight = tr.half[e] * g.rule.weights[[0, -1], None, None]
-                force = forces[k] + weight * (bend[e : e + 2] @ eta[k, [0, -1]])
-                found[e] = eta[k]
-                stiffness[e] = Z[e : e + 2].swapaxes(1, 2) @ force
-        mass = np.abs(diagonal_of(problem.system, 2, self.second[2]) * lengths**2).mean()
-        unit = float(mass) * self.frequency  # as `Form.momentum_unit`
-        a, p = np.zeros((r, r)), np.eye(r)
-        left, right = slice(None, r), slice(r, None)
-        for e, (first, last) in enumerate(stiffness):
-            later = np.linalg.solve(first[:, right], -first[:, left] @ a - unit * p)
-            momentum = (last[:, left] @ a + last[:, right] @ later) / unit
-            found[e] = found[e][:, :, left] @ a + found[e][:, :, right] @ later
-            frame, _ = np.linalg.qr(np.concatenate([later, momentum]))
-            a, p = frame[:r], frame[r:]
-            left, right = right, left
-        return found
+        for g, parts in zip(
+            layout.groups, self._between(ends.reshape(-1, 2, n, 2 * r)), strict=True
+        ):
+            for e, eta, work in zip(g.elements.tolist(), *parts, strict=True):
+                found[e], stiffness[e] = eta, work
+        mass = diagonal_of(at.problem.system, 2, self.second[2]) * tr.lengths**2
+        unit = float(mass.mean()) * self.frequency  # as `Form.momentum_unit`
+        planes = propagate(stiffness, unit, np.eye(2 * r)[:, r:])[0]
+        return [x @ a.reshape(2 * r, r) for x, a in zip(found, planes, strict=True)]
 
-    def _end_forces(self, g: Group, eta: Array) -> Array:
-        """Return the change of dS/dq at both ends of the elements of a group alone, (E, 2, n, c).
+    def forces(self, g: Group, eta: Array) -> Array:
+        """Return the change of each element's dS/dq, of a group, with variations eta.
 
-        With variations eta (E, d + 1, n, c), both in the sizes of the coordinates, but for that by
-        how constraints bend.
+        Both (E, d + 1, n, c), in the sizes of the coordinates.
         """
-        tr, second = self.at.tr, self.at.problem.system.pointwise("second")
-        (E, k, n, c), ends = eta.shape, [0, -1]
-        found, scale = np.empty((E, 2, n, c)), tr.lengths[:, None] * tr.lengths
-        for e, own in enumerate(eta):
-            some = slice(g.span.start + e * k, g.span.start + (e + 1) * k)
-            A, B, C = (
-                second.full(i, x[some], symmetric=i != 1) * scale for i, x in enumerate(self.second)
-            )
-            half = tr.half[g.elements[e]]
-            rate = np.tensordot(g.rule.derivative, own, 1) / half
-            p = C @ rate + B.swapaxes(1, 2) @ own
-            force = half * g.rule.weights[ends, None, None] * (A @ own + B @ rate)[ends]
-            found[e] = force + np.tensordot(g.rule.weighted_derivative.T[ends], p, 1)
-        return found
-
-    def _fill_elements(self, ends: Array) -> Array:
-        """Return variations (K, n, c) that are `ends` (N + 1, n, c) where elements meet."""
-        tr, layout, n = self.at.tr, self.at.tr.layout, ends.shape[1]
-        eta = np.zeros((layout.node_count, *ends.shape[1:]))
-        eta[layout.offsets] = ends
-        inside = ~np.isin(layout.free // n, layout.offsets)
-        node, place = np.divmod(layout.free[inside], n)
-        for some in in_parts(ends.shape[2] * inside.any(), layout.size):
-            load = -self.loads(self.forces(eta[:, :, some]))
-            found = solve_inside(layout, self.matrix, load)[: layout.unknowns][inside]
-            eta[node, place, some] = found * tr.x_unit[inside, None]
-        return eta
-
-    def loads(self, forces: Array) -> Array:
-        """Return what `forces` (K, n, c) add to the equations, (size, c)."""
-        tr, layout = self.at.tr, self.at.tr.layout
-        found = np.zeros((layout.size, forces.shape[2]))
-        units = (tr.x_unit / tr.action_unit)[:, None]
-        found[: layout.unknowns] = forces.reshape(-1, forces.shape[2])[layout.free] * units
+        tr, second, found = self.at.tr, self._second, np.empty_like(eta)
+        _, B, C = (x[g.span] for x in self.second)
+        for c in range(eta.shape[3]):
+            local = eta[..., c] * tr.lengths
+            rate = g.rule.derivative @ (local - local[:, :1]) / tr.half[g.elements, None, None]
+            q, v = local.reshape(len(B), -1), rate.reshape(len(B), -1)
+            p = second.product(2, C, v, symmetric=True) + second.product(1, B, q, transposed=True)
+            force = second.product(1, B, v)
+            for function, springs in self._springs:
+                force += function.product(0, springs[g.span], q, symmetric=True)
+            work = g.rule.weighted_derivative.T @ p.reshape(local.shape)
+            found[..., c] = (work + (tr.weight[g.span] * force).reshape(local.shape)) * tr.lengths
         return found
 
     @property
-    def node_weights(self) -> Array:
-        """The weights of the quadrature over time, (K,)."""
-        tr = self.at.tr
-        return np.bincount(tr.layout.node_of, tr.weight[:, 0])
+    def _second(self) -> Pointwise:
+        """The function of L_qq, L_qv and L_vv."""
+        return self.at.problem.system.pointwise("second")
 
-    def forces(self, eta: Array) -> Array:
-        """Return the change of dS/dq at all nodes, (K, n, c), with variations eta of them.
-
-        But for that by how constraints bend.
-        """
-        tr, layout, found = self.at.tr, self.at.tr.layout, np.empty_like(eta)
-        second, (A, B, C) = self.at.problem.system.pointwise("second"), self.second
-        mixed = second.full(1, B) if B.size else None
-        for c in range(eta.shape[2]):
-            local = eta[layout.node_of, :, c]
-            rate = tr.velocities(local)
-            p = second.product(2, C, rate, symmetric=True)
-            force = tr.weight * second.product(0, A, local, symmetric=True)
-            if mixed is not None:
-                p += np.einsum("kab,ka->kb", mixed, local)
-                force += tr.weight * second.product(1, B, rate)
-            for g in layout.groups:
-                work = g.rule.weighted_derivative.T @ p[g.span].reshape(*g.nodes.shape, -1)
-                force[g.span] += work.reshape(-1, eta.shape[1])
-            summed = np.bincount(layout.scatter, force.ravel(), eta[:, :, c].size)
-            found[:, :, c] = summed.reshape(eta.shape[:2])
-        return found
-
-    @property
-    def _springs(self) -> list[tuple[tuple[NDInt, NDInt], Array]]:
-        """Rows and columns of nonzeros at the evaluations, and these: of L_qq and how rows bend."""
+    @cached_property
+    def _springs(self) -> list[tuple[Pointwise, Array]]:
+        """The functions of L_qq and of how rows bend, and their nonzeros at the evaluations."""
         at, tr, system = self.at, self.at.tr, self.at.problem.system
-        springs = [(system.pointwise("second").sparsity(0), self.second[0])]
+        springs = [(self._second, self.second[0])]
         if tr.layout.rows and not system.structure.affine_constraint:
             bend, places = system.pointwise("constraint_curvature"), tr.layout.node_of
             lam = np.nan_to_num(at.lam[places])
-            values = bend(at.Q[places], lam, tr.times, at.problem.packed)[0]
-            springs.append((bend.sparsity(0), values))
+            springs.append((bend, bend(at.Q[places], lam, tr.times, at.problem.packed)[0].copy()))
         return springs
 
     def bound(self, units: Array) -> float:
-        """Return what no eigenvalue is less than, in the norm int |eta / units|^2 dt; units (n,).
+        """Return what eigenvalues of d2S are not below, in the norm int |eta / units|^2 dt.
 
-        It may be more where velocities couple to coordinates: by how much, roughly, is taken off.
+        With `units` (n,) of the coordinates. That is a bound of L_qq and the rows' curvature, at
+        each time alone (Gershgorin), and of L_vv times the least square of a frequency. Where
+        velocities couple to coordinates it may be more: by how much, roughly, is taken off.
         """
         tr, system = self.at.tr, self.at.problem.system
-        second, (_, B, C) = system.pointwise("second"), self.second
-        masses = [(second.sparsity(2), C)]
-        stiffness, mass = (_gershgorin(x, units) for x in (self._springs, masses))
+        second, (_, B, C) = self._second, self.second
+        stiffness, mass = (
+            _gershgorin([(f.sparsity(k), x) for f, x in parts], units)
+            for k, parts in ((0, self._springs), (2, [(second, C)]))
+        )
         if B.any():
             (row, col), sums = second.sparsity(1), np.zeros((2, units.size, len(B)))
             for found, i in zip(sums, (row, col), strict=True):
@@ -266,7 +235,7 @@ class AssembledForm:
         That is the first node (k = 0) or the last one (k = -1).
         """
         tr, layout = self.at.tr, self.at.tr.layout
-        end, second = (0, layout.node_count - 1)[k], self.at.problem.system.pointwise("second")
+        end, second = (0, layout.node_count - 1)[k], self._second
         i, e = next(
             (i, e) for i, g in enumerate(layout.groups) for e in (g.nodes[:, k] == end).nonzero()[0]
         )
@@ -275,11 +244,14 @@ class AssembledForm:
         span = slice(g.span.start + e * points, g.span.start + (e + 1) * points)
         nodes, weight = g.nodes[e][:, None], tr.weight[span]
         slope = (g.rule.derivative[:, k] / half.ravel())[:, None]
-        A, B, C = (x[span] for x in self.second)
-        of_q, mixed, of_v = (second.sparsity(j) for j in range(3))
+        _, B, C = (x[span] for x in self.second)
+        mixed, of_v = (second.sparsity(j) for j in (1, 2))
         found: list[tuple[Array, ...]] = []
         for at, (row, col), values, triangle in (
-            (nodes[[k]], of_q, weight[k] * A[[k]], True),
+            *(
+                (nodes[[k]], f.sparsity(0), weight[k] * x[span][[k]], True)
+                for f, x in self._springs
+            ),
             (nodes, of_v, work.T @ (C * slope), True),
             (nodes, mixed, weight * B * slope, False),
             (nodes, mixed[::-1], np.outer(work[k], B[k]), False),

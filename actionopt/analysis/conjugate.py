@@ -170,8 +170,8 @@ def _falls(solution: Solution) -> list[float]:
                 a = max((t for t in known if miss(t, k) < 0), default=start)
                 b = min(t for t in known if miss(t, k) >= 0)
                 at_a = miss(a, k) if a > start else -1.0  # on short times rates are all there is
-                ends = (np.array([x]) for x in (a, at_a, b, miss(b, k)))
-                found[k] = float(_passes(lambda _, t, k=k: np.array([miss(*t, k)]), *ends)[0])
+                a, at_a, b, at_b = (np.array([x]) for x in (a, at_a, b, miss(b, k)))
+                found[k] = _passes(lambda _, t, k=k: np.array([miss(t[0], k)]), a, at_a, b, at_b)[0]
     return found
 
 

@@ -59,20 +59,28 @@ def fields(form: Form, plane: Array | None = None) -> tuple[list[Array], Array]:
     held = np.arange(r) < form.pinned[0]
     if plane is None:
         plane = np.concatenate([np.diag(1.0 * ~held), np.diag(1.0 * held)])
+    try:
+        return propagate(form.elements, unit, plane)
+    except np.linalg.LinAlgError:
+        check_legendre(form)  # the usual reason
+        raise ValueError(
+            "expected a path whose neighbours are determined by their start, found an element "
+            "along which they are not; try other elements (mesh=)"
+        ) from None
+
+
+def propagate(elements: list[Array], unit: float, plane: Array) -> tuple[list[Array], Array]:
+    """Return what `fields` does, on elements of d2S, with momenta in a `unit`.
+
+    Raises numpy.linalg.LinAlgError where the start does not determine them.
+    """
+    r, result = plane.shape[1], []
     a, p = plane[:r], plane[r:]
-    result = []
-    for E in form.elements:
+    for E in elements:
         inner = len(E) - r
         right = -E[:inner, :r] @ a
         right[:r] -= unit * p
-        try:
-            later = np.linalg.solve(E[:inner, r:], right)
-        except np.linalg.LinAlgError:
-            check_legendre(form)  # the usual reason
-            raise ValueError(
-                "expected a path whose neighbours are determined by their start, found an element "
-                "along which they are not; try other elements (mesh=)"
-            ) from None
+        later = np.linalg.solve(E[:inner, r:], right)
         whole = np.concatenate([a, later])
         result.append(whole.reshape(-1, r, r))
         frame, _ = np.linalg.qr(np.concatenate([later[-r:], E[inner:] @ whole / unit]))

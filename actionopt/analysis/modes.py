@@ -300,7 +300,7 @@ class _Assembled:
         tr, layout = self.form.at.tr, self.form.at.tr.layout
         node, coordinate = np.divmod(layout.free, layout.width)
         return (
-            self.form.node_weights[node]
+            np.bincount(layout.node_of, tr.weight[:, 0])[node]
             * (tr.x_unit / self.units[coordinate]) ** 2
             / tr.action_unit
         )

@@ -68,8 +68,7 @@ class Form:
     legendre : (evaluations, r) array
         Eigenvalues of L_vv on the variations allowed.
     frequency : float
-        How fast variations may turn, on the whole: the root of L_qq over L_vv, at least one
-        over the duration.
+        The `typical_frequency`.
     """
 
     at: DiscretePath
@@ -172,7 +171,11 @@ def form(
     A, B, C = (x * scale for x in (A, B, C))
     elements, kinetic = _element_forms(at, (A, B, C), basis, max(pinned) < basis.shape[2])
     _add_boundary_terms(at, elements, basis, scale, S, phase=phase)
-    legendre, frequency = _local_scales(at, (A, B, C), basis)
+    Z = basis[tr.layout.node_of]
+    legendre = np.linalg.eigvalsh(Z.swapaxes(1, 2) @ C @ Z)
+    row, col = np.indices((units.size, units.size)).reshape(2, -1)
+    full = [[(row, col, X.reshape(len(X), -1))] for X in (A, B)]
+    frequency = typical_frequency(problem.duration, np.einsum("kaa->ka", C), *full)
     return Form(at, units, basis, pinned, passed, elements, kinetic, legendre, frequency)
 
 
@@ -297,21 +300,25 @@ def _add_boundary_terms(
             add(k * last, basis[-k].T @ (_bend(at, k) * scale) @ basis[-k])
 
 
-def _local_scales(
-    at: DiscretePath, coefficients: tuple[Array, ...], basis: Array
-) -> tuple[Array, float]:
-    """Return the eigenvalues of L_vv on the basis, (evaluations, r), and a typical frequency."""
-    A, B, C = coefficients
-    Z = basis[at.tr.layout.node_of]
-    legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ C @ Z)
-    mass = np.maximum(
-        np.abs(legendre), RANK * np.abs(legendre).max(axis=1, initial=0, keepdims=True)
+def typical_frequency(
+    duration: float,
+    mass: Array,
+    springs: list[tuple[NDInt, NDInt, Array]],
+    mixed: list[tuple[NDInt, NDInt, Array]],
+) -> float:
+    """Return how fast variations may turn, on the whole: at least one over the duration.
+
+    `mass` (K, n) is the diagonal of L_vv; of L_qq and L_qv, which add up, the rows, columns and
+    values (K, nonzeros).
+    """
+    mass = np.abs(mass)
+    mass = np.maximum(mass, RANK * mass.max(axis=1, initial=0.0, keepdims=True))
+    mass = np.where(mass > 0, mass, 1.0)
+    stiff, coupled = (
+        sum(float((x**2 / (mass[:, row] * mass[:, col])).sum()) for row, col, x in part) / mass.size
+        for part in (springs, mixed)
     )
-    unit = Z @ (vectors / np.sqrt(np.where(mass > 0, mass, 1.0))[:, None, :])
-    stiff, mixed = (
-        np.linalg.norm(np.swapaxes(unit, 1, 2) @ X @ unit, axis=(1, 2)).mean() for X in (A, B)
-    )
-    return legendre, float(1 / at.problem.duration + np.sqrt(stiff) + mixed)
+    return 1 / duration + stiff**0.25 + coupled**0.5
 
 
 def coefficients(

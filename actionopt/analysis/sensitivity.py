@@ -19,7 +19,7 @@ import numpy as np
 
 from actionopt.analysis.assembled import AssembledForm, assemble
 from actionopt.analysis.jacobi import resolve
-from actionopt.analysis.second_variation import Form, condense, curvature, form, tangent
+from actionopt.analysis.second_variation import Form, condense, form, tangent
 from actionopt.discrete.bordered import equations_of
 from actionopt.discrete.contact_times import bend_of_contacts
 from actionopt.discrete.discrete_path import DiscretePath
@@ -299,8 +299,6 @@ def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
             for change, coupling in zip(by_ends, couplings, strict=True):
                 change -= tr.action_unit * coupling.transpose.times(follow, len(change))
             if layout.rows:
-                bend = curvature(problem, at.Q[[ends[k]]], at.lam[[ends[k]]], t[[k]])[0]
-                by_ends[k] += form.node_weights[ends[k]] * bend @ plane[:, some]
                 left = [product(layout, form.matrix, column) for column in between.T]
                 missed.append((between, loads - np.stack(left, axis=1)))
             parts.append(np.concatenate([p.T @ x for p, x in zip(moved, by_ends, strict=True)]))
