@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from actionopt.analysis.jacobi import (
+    BORDERED_TOL,
     FIELD_ROUNDS,
     coefficients_left_out,
     propagate,
@@ -288,44 +289,72 @@ class Coupling:
         return found
 
 
+def on_mesh(at: DiscretePath, error: float) -> AssembledForm | None:
+    """Return d2S of a path known to `error` as its own mesh has it, or None as `assemble` does.
+
+    Raises ValueError where the constraints are not independent.
+    """
+    if not (is_plain(at) and is_convex(at)):
+        return None
+    check_independent(at, at.tr.lengths, error)
+    return AssembledForm(at, at.tr.kkt(at.z))
+
+
 def assemble(
-    first: DiscretePath, error: float, fields: float, *, polish: bool = False
+    first: DiscretePath,
+    error: float,
+    fields: float,
+    *,
+    polish: bool = False,
+    form: AssembledForm | None = None,
 ) -> AssembledForm | None:
     """Return d2S of a path known to `error`, on a mesh that resolves its Jacobi fields to `fields`.
 
-    And the path with `polish`, which Newton's method improves there.
-    None where the variations are not simply those between two events, L_vv may not be positive, or
-    a part of the path is conjugate. Raises ValueError where the constraints are not independent, or
-    along a path through a singularity.
+    And the path with `polish`, which Newton's method improves there. `form` is that of `on_mesh`,
+    if it is known. None where the variations are not simply those between two events, L_vv may not
+    be positive, or a part of the path is conjugate. Raises ValueError where the constraints are not
+    independent, or along a path through a singularity.
     """
     if not is_plain(first):
         return None
     at = _in_even_units(first)
+    if form is None or form.at is not at:
+        form = on_mesh(at, error)
     for _ in range(FIELD_ROUNDS):
-        tr = at.tr
-        if not is_convex(at):
+        if form is None:
             return None
-        check_independent(at, tr.lengths, error)
-        form = AssembledForm(at, tr.kkt(at.z))
+        mesh, Q = at.mesh, at.Q / at.tr.lengths
         try:
-            tail = tails(tr.mesh, form.fields())
+            tail = tails(mesh, form.fields())
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(tail).all():
             return None
         tail = np.maximum(tail, FIELDS_TO_COEFFICIENTS * coefficients_left_out(at))
         if polish:
-            tail = np.maximum(
-                tail, tails(tr.mesh, [at.Q[g.nodes] / tr.lengths for g in tr.mesh.groups])
-            )
-        mesh = refine_where(tr.mesh, tail, fields)
-        if mesh is None and polish:
-            at = at.polish()
-            form = AssembledForm(at, at.tr.kkt(at.z))
-        if mesh is None:
+            tail = np.maximum(tail, tails(mesh, [Q[g.nodes] for g in mesh.groups]))
+        finer = refine_where(mesh, tail, fields)
+        if finer is None and not polish:
             return form
-        at = first.on(mesh, first.multipliers(mesh.nodes))
+        at = _polish(form) if finer is None else at.on(finer, first.multipliers(finer.nodes))
+        form = None  # before the next is made
+        if finer is None:
+            return AssembledForm(at, at.tr.kkt(at.z))
+        form = on_mesh(at, error)
     return None
+
+
+def _polish(form: AssembledForm) -> DiscretePath:
+    """Return the stationary path near, by Newton's method with the factors at hand if these do."""
+    tr, z, last = form.at.tr, form.at.z, np.inf
+    while True:
+        step = form.factors.solve(tr.residual(z))
+        size = np.abs(step).max()
+        if not size < last / 2:
+            return form.at.polish()
+        z, last = z - step, size
+        if size < BORDERED_TOL:
+            return DiscretePath(tr, z)
 
 
 def _gershgorin(parts: list[tuple[tuple[NDInt, NDInt], Array]], units: Array) -> float:

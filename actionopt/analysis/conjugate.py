@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from actionopt.analysis.assembled import AssembledForm, assemble
+from actionopt.analysis.assembled import AssembledForm, assemble, on_mesh
 from actionopt.analysis.full_form import FORM_ROUNDS, form_until
 from actionopt.analysis.index import NEAR_ZERO, POLISHED, tolerance_of
 from actionopt.analysis.jacobi import fields, resolve
 from actionopt.analysis.passage import begin, carry, count_pinned
-from actionopt.analysis.regular import index_on_mesh, regular_index
+from actionopt.analysis.regular import index_of, regular_index
 from actionopt.analysis.second_variation import Form, check_legendre, coefficient_entries, tangent
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
@@ -90,7 +90,8 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     at, error = solution.discrete, solution.error
     whole = len(at.problem.end.pinned) == at.problem.system.n and not solution.problem.through
     # As many as the index, and none at the end, where an eigenvalue would vanish.
-    count = index_on_mesh(at, error) if whole else None
+    own = on_mesh(at, error) if whole else None
+    count = None if own is None else index_of(own)
     known = max(tolerance_of(error), NEAR_ZERO)
     if whole and not count and regular_index(at, error, known) == 0:
         return ()
@@ -100,7 +101,8 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "neighbours have no momentum there to leave with; `morse_index` counts without them"
         )
     if whole and len(at.problem.start.pinned) == at.problem.system.n:
-        assembled = assemble(at, error, CONJUGATE_RESOLUTION, polish=not error <= POLISHED)
+        better = not error <= POLISHED
+        assembled = assemble(at, error, CONJUGATE_RESOLUTION, polish=better, form=own)
         if assembled is not None and count is not None:
             r = at.problem.system.n - at.problem.system.m
             phases = Phases(assembled, assembled.jacobi_fields(), r)

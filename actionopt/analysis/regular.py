@@ -14,11 +14,9 @@ import numpy as np
 from actionopt.analysis.assembled import (
     AssembledForm,
     assemble,
-    is_convex,
-    is_plain,
+    on_mesh,
     scattered_numbers,
 )
-from actionopt.analysis.second_variation import check_independent
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, product
 
@@ -50,12 +48,17 @@ def index_on_mesh(at: DiscretePath, error: float) -> int | None:
     None where the variations are not simply those between two events, or the mass may not be
     positive. Raises ValueError where the constraints are not independent.
     """
-    if not (is_plain(at) and is_convex(at)):
-        return None
-    check_independent(at, at.tr.lengths, error)
+    form = on_mesh(at, error)
+    return None if form is None else index_of(form)
+
+
+def index_of(form: AssembledForm) -> int | None:
+    """Return the index of an assembled form by its pivots, None where these are singular."""
+    layout = form.at.tr.layout
     try:
-        factors = Factors(at.tr.layout, at.tr.kkt(at.z), many=True)
-        return factors.negative_pivots() - at.tr.layout.rows
+        if layout.uses_condensation:
+            return form.factors.negative() - layout.rows
+        return Factors(layout, form.matrix, many=True).negative_pivots() - layout.rows
     except np.linalg.LinAlgError:
         return None
 
