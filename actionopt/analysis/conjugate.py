@@ -30,15 +30,15 @@ from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.blocks import in_parts
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.tools.blas import one_thread
-from actionopt.tools.lobatto import RESTING, lgl
+from actionopt.tools.lobatto import RESTING, Sampling, lgl
 from actionopt.tools.types import EPS, Array, NDInt
 
 CONJUGATE_RESOLUTION = 1e-9  # of Jacobi fields and path; ad hoc, below `SAME_ROOT`
 # How far the number of phases that passed pi may be from whole, of what surely tells it; the degree
-# whose integrals tell it, and the part of a part of the time that a rate is a difference over. The
+# whose integrals tell it. The
 # angle that tangents are of, in no ratio to pi: where some phases are at a right angle to it they
 # lose digits. All ad hoc.
-SURE_COUNT, GAUSS_DEGREE, PHASE_STEP, TURNED = 0.1, 8, 1e-4, 1.0
+SURE_COUNT, GAUSS_DEGREE, TURNED = 0.1, 8, 1.0
 # Ad hoc, between round-off and the next root; in parts of the duration where it is a time.
 COUNT_HALVINGS = 8  # of parts of the time, most
 AT_A_TIME = 10  # arrays of Jacobi fields that phases take at each time
@@ -193,10 +193,30 @@ class Phases:
     def __call__(self, t: Array) -> Array:
         """Return the phases at the times t (K,), shape (K, r)."""
         _, n, r = self.fields[0].shape
-        return np.concatenate([self._some(t[some]) for some in in_parts(t.size, AT_A_TIME * n * r)])
+        parts = in_parts(t.size, AT_A_TIME * n * r)
+        return np.concatenate([self._some(t[some])[0] for some in parts])
 
-    def _some(self, t: Array) -> Array:
-        """Return what `__call__` does of a few times."""
+    def turning(self, middles: Array, halves: Array, gauss: Sampling) -> tuple[Array, Array]:
+        """Return the phases at points of parts of the time, (C, points, r), and their sum's rate.
+
+        That is (C, points): the sum is the argument of det(P + iJ), in any basis, up to pi.
+        """
+        (_, n, r), points = self.fields[0].shape, gauss.nodes.size
+        theta, rate = np.empty((middles.size, points, r)), np.empty((middles.size, points))
+        for some in in_parts(middles.size, AT_A_TIME * points * n * r):
+            t = middles[some, None] + halves[some, None] * gauss.nodes
+            theta[some].reshape(-1, r)[:], W, Z = self._some(t.ravel())
+            still = (Z @ W).reshape(len(t), points, -1)  # in directions that do not turn
+            later = Z.swapaxes(1, 2) @ gauss.rates(still).reshape(-1, n, r)
+            trace = np.trace(np.linalg.solve(W, later), axis1=1, axis2=2)
+            rate[some] = trace.imag.reshape(t.shape) / halves[some, None]
+        return theta, rate
+
+    def _some(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return the phases at a few times, P + iJ there, (K, r, r), and in what basis, (K, n, r).
+
+        J is in units of P.
+        """
         at, mesh, problem = self.at, self.mesh, self.at.problem
         b, (_, n, r) = mesh.boundaries, self.fields[0].shape
         e = np.clip(np.searchsorted(b, t, side="left") - 1, 0, mesh.elements - 1)
@@ -246,22 +266,14 @@ class Phases:
                 f"that it is not between t = {t.min():.6g} and {t.max():.6g}, and the neighbours "
                 "not determined there"
             ) from None
-        both = np.concatenate([self.frequency * (mass @ J), P], axis=2)
-        J, P = np.split(np.linalg.solve(root, both), 2, axis=2)
+        J = self.frequency * (mass @ J)
+        W = P + 1j * J
+        P, J = np.split(np.linalg.solve(root, np.concatenate([P, J], axis=2)), 2, axis=2)
         # Tangents of phases, less an angle: eigenvalues of a symmetric matrix.
         c, s = np.cos(TURNED), np.sin(TURNED)
         found = np.linalg.solve((c * P + s * J).swapaxes(1, 2), (c * J - s * P).swapaxes(1, 2))
         theta = TURNED + np.arctan(np.linalg.eigvalsh((found + found.swapaxes(1, 2)) / 2))
-        return np.sort(np.mod(theta, np.pi), axis=1)
-
-    def turning(self, t: Array, step: Array) -> tuple[Array, Array]:
-        """Return the phases at the times t (K,), shape (K, r), and the rate of their sum, (K,).
-
-        That is a difference over the time `step` (K,).
-        """
-        theta, later = np.split(self(np.concatenate([t, t + step])), 2)
-        turned = np.mod(np.sum(later - theta, axis=1) + np.pi / 2, np.pi) - np.pi / 2
-        return theta, turned / step
+        return np.sort(np.mod(theta, np.pi), axis=1), W, basis
 
 
 def _counted_roots(phases: Phases, count: int) -> list[float]:
@@ -333,39 +345,34 @@ def _follow(phases: Phases, parts: int) -> tuple[Array, Array, Array, NDInt]:
     cuts = np.clip(np.interp(share, np.arange(b.size), b), start, end)
     gauss = lgl(GAUSS_DEGREE).dense(1)
     count = gauss.nodes.size
-    ends = phases.turning(np.array([start, end]), PHASE_STEP * np.array([1, -1]) * (end - start))
+    first, last = phases(np.array([start, end]))
     if phases.regular[0]:
         # As many phases are zero as directions are pinned; rounding may show them as pi.
-        near = np.argsort(np.sin(ends[0][0]))
-        ends[0][0] = np.r_[np.zeros(phases.held), np.sort(ends[0][0][near[phases.held :]])]
+        near = np.argsort(np.sin(first))
+        first = np.r_[np.zeros(phases.held), np.sort(first[near[phases.held :]])]
     known: dict[float, tuple[Array, ...]] = {}  # by the middle of a part
     while True:
         middles, lengths = (cuts[:-1] + cuts[1:]) / 2, np.diff(cuts)
         new = np.array([k for k, t in enumerate(middles.tolist()) if t not in known], dtype=int)
-        t = middles[new, None] + lengths[new, None] / 2 * gauss.nodes
-        theta, rate = phases.turning(t.ravel(), np.repeat(PHASE_STEP * lengths[new], count))
-        rate = rate.reshape(-1, count)
+        theta, rate = phases.turning(middles[new], lengths[new] / 2, gauss)
         turned = gauss.increments(rate) * lengths[new, None] / 2
-        known |= zip(
-            middles[new].tolist(),
-            zip(t, theta.reshape(*t.shape, -1), rate, turned, strict=True),
-            strict=True,
-        )
-        t, theta, rate, pieces = (
+        known |= zip(middles[new].tolist(), zip(theta, rate, turned, strict=True), strict=True)
+        theta, rate, pieces = (
             np.array(x) for x in zip(*(known[x] for x in middles.tolist()), strict=True)
         )
-        turned = np.zeros(t.size + 1)
+        turned = np.zeros(rate.size + 1)
         turned[:-1] += pieces[:, :-1].ravel()
         turned[count::count] += pieces[:, -1]
-        theta = np.concatenate([ends[0][:1], theta.reshape(t.size, -1), ends[0][1:]])
+        theta = np.vstack([first, theta.reshape(rate.size, -1), last])
         left = (turned - np.diff(theta.sum(axis=1))) / np.pi
         passed = np.rint(left).astype(int)
         unsure = np.flatnonzero((np.abs(left - passed) > SURE_COUNT) | (passed < 0))
-        halved = np.unique(np.clip([unsure // count, (unsure - 1) // count], 0, len(t) - 1))
+        halved = np.unique(np.clip([unsure // count, (unsure - 1) // count], 0, len(rate) - 1))
         halved = halved[lengths[halved] > CLOSEST_TIMES * (end - start)]
         if not halved.size:
-            rate = np.r_[ends[1][0], rate.ravel(), ends[1][1]]
-            return np.r_[start, t.ravel(), end], theta, rate, np.maximum(passed, 0)
+            t = (middles[:, None] + lengths[:, None] / 2 * gauss.nodes).ravel()
+            rate = np.pad(rate.ravel(), 1, mode="edge")
+            return np.r_[start, t, end], theta, rate, np.maximum(passed, 0)
         cuts = np.sort(np.r_[cuts, middles[halved]])
 
 
