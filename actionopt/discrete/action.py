@@ -20,7 +20,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -34,6 +33,7 @@ from actionopt.discrete.nodal import Term, rest_action, terms
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal, ends_of
 from actionopt.tools.blas import by_each
+from actionopt.tools.immutable import make_unchecked
 from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import Watch, check_time
@@ -217,7 +217,7 @@ class Action:
 
     def between(self, problem: Problem) -> Self:
         """Return that of a problem which differs in the values at its ends only, in these units."""
-        other = copy(self)
+        other = make_unchecked(type(self), **vars(self))
         other.problem, other.counts = problem, Counter()  # what is kept of the mass is the same
         other._point = None
         other.ends = other._ends()
@@ -228,7 +228,7 @@ class Action:
     def over_times(self, problem: Problem) -> Self:
         """Return that of a problem over other times alone, in these units; L contains no time."""
         start, end = problem.start.t, problem.end.t
-        other, before = copy(self), self.mesh
+        other, before = make_unchecked(type(self), **vars(self)), self.mesh
         other.joint_rates = self.joint_rates  # the same at all times
         other.problem, other.mesh = problem, before.moved(start, end)
         factor = other.mesh.duration / before.duration
@@ -247,7 +247,7 @@ class Action:
 
         The problem, whose events they need not be, stays the same.
         """
-        other = copy(self)
+        other = make_unchecked(type(self), **vars(self))
         other.ends = self.ends.copy()
         other.ends[[0, -1]] = ends
         other._point = None
@@ -302,7 +302,7 @@ class Action:
 
     def with_row_units(self, row_units: Array) -> Self:
         """Return the action with other units (m,) of the constraints' rows."""
-        other = copy(self)
+        other = make_unchecked(type(self), **vars(self))
         other.row_units = row_units
         ratio = (row_units / self.row_units)[self.layout.row_constraint]
         other.row_unit, other.mu_unit = self.row_unit * ratio, self.mu_unit / ratio

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -139,8 +140,9 @@ class Bordered:
         if asked.closes or along:
             borders.append(PhaseCondition.near(asked, at, moves, along))
         found = cls(asked, tr, tuple(borders))
-        speeds = np.abs(path.velocity(path.mesh.nodes)).max(axis=1)
-        found.reach = max(1.0, float((speeds * path.mesh.duration / tr.lengths).max()))
+        if found.moving.size:
+            speeds = np.abs(path.velocity(path.mesh.nodes)).max(axis=1)
+            found.reach = max(1.0, float((speeds * path.mesh.duration / tr.lengths).max()))
         return found, np.concatenate([at.z, *(border.begin(at) for border in borders)])
 
     def of(self, asked: Problem) -> Bordered:
@@ -184,7 +186,7 @@ class Bordered:
         """Units of the coordinates, (n,)."""
         return self.first.lengths
 
-    @property
+    @cached_property
     def forces(self) -> slice:
         """Where the forces on a closed path are among the unknowns: the last ones."""
         count = sum(b.size for b in self.borders if isinstance(b, PhaseCondition))
@@ -226,7 +228,7 @@ class Bordered:
         ):
             return last
         problem = self.free.found_at(times, kappa=kappa)
-        if self._like is not None and not (self.problem.is_joined or self._depends_on_clock):
+        if self._like is not None and self._keeps_rates:
             return self._like.over_times(problem)
         before, ends = first.problem.boundaries, (float(times[0]), float(times[-1]))
         was, now = (np.array([e.t for e in p.through]) for p in (first.problem, problem))
@@ -236,11 +238,12 @@ class Bordered:
         self._like = self._like or last
         return last
 
-    @property
-    def _depends_on_clock(self) -> bool:
-        """Whether more than the rates changes with the duration."""
+    @cached_property
+    def _keeps_rates(self) -> bool:
+        """Whether nothing but the rates changes with the duration, by which all are divided."""
         problem = self.problem
-        return problem.has_moving_surface or problem.system.structure.depends_on_time
+        timed = problem.has_moving_surface or problem.system.structure.depends_on_time
+        return not (timed or problem.is_joined)
 
     def quadrature_defect(self, y: Array, *, followed: bool = True) -> tuple[Array, float]:
         """Return what another quadrature adds to the residual, (size,), and a free body's drift."""

@@ -21,7 +21,7 @@ from actionopt.discrete.borders import over
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import follow
+from actionopt.discrete.newton import approach, follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import cheapest_mesh, resolution
 from actionopt.discrete.transcription import Transcription
@@ -40,11 +40,13 @@ from actionopt.solver.durations import (
     straight_passage,
     times_along,
 )
-from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR
+from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR, fewest_elements
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, coordinate_scales
 from actionopt.solver.lowest_pass import explain_pass
+from actionopt.solver.preflight import check
 from actionopt.solver.refine import ROUNDS
-from actionopt.solver.workspace import QUICK_STEPS, ROUGHLY
+from actionopt.solver.search import FIRST_FEW
+from actionopt.solver.workspace import FEW_COORDINATES, QUICK_STEPS, ROUGHLY
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import Watch
 
@@ -337,6 +339,9 @@ class FirstPaths:
             sizes = coordinate_scales(fixed, at.Q)[0]
             return at if resolution(mesh, at.Q, sizes).worst < ROUGHLY else None
         try:
+            quick = self._near_line(fixed) if brief else None
+            if quick is not None:
+                return quick
             found = solve_on_the_way(fixed, FIRST_TOL, self.watch, brief=brief, verdict=not brief)
         except ValueError as error:
             self.refused = self.refused or error
@@ -344,6 +349,34 @@ class FirstPaths:
         if found.status is Status.DEGENERATE:
             self.of_family = found.path
         return found.discrete if found.success else None
+
+    def _near_line(self, fixed: Problem) -> DiscretePath | None:
+        """Return a path that Newton's steps come near from a line along which the action is convex.
+
+        If its mesh represents it to `FIRST_TOL`. Raises ValueError as a solve does.
+        """
+        if fixed.system.order > 1 or not conserves_energy(fixed.system):
+            return None
+        tr = straight_action(fixed)
+        Q, tr.watch = tr.straight(), self.watch
+        check(tr, Q)
+        found = approach(tr, tr.pack(Q), QUICK_STEPS, convex=True)
+        if found is None:
+            return None
+        at = DiscretePath(tr, found[0])
+        left = resolution(tr.mesh, at.Q, coordinate_scales(fixed, at.Q)[0]).worst
+        return at if SAFETY * UNKNOWN_GAIN * left <= FIRST_TOL else None
+
+
+def straight_action(problem: Problem) -> Transcription:
+    """Return the action near the straight line, in the time of the energy where that is free."""
+    fixed = problem
+    if problem.free_time:
+        fixed = over(problem, duration_along(problem, straight(problem)))
+    few = problem.system.n <= FEW_COORDINATES or problem.system.m > 0
+    elements = LINEAR if few else max(FIRST_FEW, fewest_elements(fixed))
+    mesh = Mesh.uniform(fixed.start.t, fixed.end.t, elements, COARSE_DEGREE)
+    return Transcription(fixed, mesh, fixed.lengths)
 
 
 def guess_path(

@@ -10,7 +10,6 @@ import numpy as np
 
 from actionopt.discrete.borders import over
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
@@ -19,16 +18,16 @@ from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal
 from actionopt.solver.between import solve_on_the_way
-from actionopt.solver.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR, fewest_elements
+from actionopt.solver.first_mesh import FIRST_TOL
 from actionopt.solver.first_paths import (
     FirstPaths,
     duration_along,
     given_time,
     straight,
+    straight_action,
 )
-from actionopt.solver.search import FIRST_FEW
 from actionopt.solver.single_shooting import arrivals, meeting_speed
-from actionopt.solver.workspace import FEW_COORDINATES, PATIENT
+from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
@@ -93,11 +92,9 @@ def points(
     """
     size = sizes(problem)
     found = np.array(near(problem, size=size) if pairs is None else list(pairs))
-    distinct: list[int] = []
-    for k, pair in enumerate(found):
-        if not (np.abs(found[distinct] - pair) < APART * size).all(axis=(1, 2)).any():
-            distinct.append(k)
-    lines = _lines(problem, found[distinct])
+    alike = np.round(found / (APART * size)) + 0.0  # no -0.0
+    first = {row.tobytes(): k for k, row in reversed([*enumerate(alike)])}
+    lines = _lines(problem, found[sorted(first.values())])
     known = [line for line in lines if np.isfinite(line[0])] or lines
     for _, tr, pair, values, fixed in sorted(known, key=lambda line: line[0]):
         if fixed is None:
@@ -106,7 +103,7 @@ def points(
             except ValueError:
                 continue
             tr = Transcription(fixed, tr.mesh, fixed.lengths)
-        yield fixed, DiscretePath(tr, tr.pack(values.T))
+        yield fixed, DiscretePath(tr, tr.pack(values))
 
 
 def near(
@@ -121,10 +118,10 @@ def near(
     nearest = _pairs(problem, np.zeros((1, n)), size)
     far = float(np.abs((nearest[0, 1] - nearest[0, 0]) / size).max()) if nearest.size else 0.0
     if directions is None:
-        directions = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
+        directions = np.concatenate([np.eye(n), -np.eye(n)])
         if n > NEAREST_POINTS:
             directions = np.random.default_rng(0).standard_normal((2 * NEAREST_POINTS, n))
-    return list(_pairs(problem, (far or 1.0) * directions * size, size))
+    return [*nearest, *_pairs(problem, (far or 1.0) * directions * size, size)]
 
 
 def sizes(problem: Problem) -> Array:
@@ -159,20 +156,23 @@ def _lines(problem: Problem, pairs: Array) -> list[_Line]:
     """Return the straight lines between points (K, 2, n)."""
     ends, system = (problem.start, problem.end), problem.system
     loose = [[e.on is None and x is None for x in e.near] for e in ends]  # keep the other's
-    tr, lines, states = None, [], []
-    for pair in pairs:
-        fixed = None
+    lines, states, tr, fixed, at, v = [], [], None, None, np.zeros(0), np.zeros(0)
+    for pair, (first, last) in zip(pairs, np.where(loose, pairs[:, ::-1], pairs), strict=True):
         if tr is None or problem.free_time:
             try:
                 fixed = between_places(problem, pair)
-                tr = _straight(fixed)
+                tr = straight_action(fixed)
             except ValueError:
                 continue
-        first, last = np.where(loose, pair[::-1], pair)[:, :, None]
-        part = tr.mesh.nodes_since / tr.mesh.duration
-        values = first + part * (last - first)
-        lines.append((tr, pair, values, fixed))
-        states.append((*tr.state_of(values.T), tr.times))
+            part = tr.mesh.nodes_since[:, None] / tr.mesh.duration
+            at, v = tr.state_of(part.repeat(system.n, axis=1))
+            at = at.reshape(len(v), -1, system.n)
+        way = last - first
+        state = at * way
+        state[:, 0] += first
+        lines.append((tr, pair, first + part * way, fixed))
+        states.append((state.reshape(len(v), -1), v * way, tr.times))
+        fixed = None
     if not lines:
         return []
     state = *(np.concatenate(x) for x in zip(*states, strict=True)), problem.packed
@@ -190,15 +190,6 @@ def _lines(problem: Problem, pairs: Array) -> list[_Line]:
             found.append(_Line(S if np.isfinite(S) else np.inf, *line))
             first = last
         return found
-
-
-def _straight(problem: Problem) -> Transcription:
-    """Return the action near the straight line, in the time of the energy where that is free."""
-    fixed = over(problem, duration_along(problem, straight(problem)))
-    few = problem.system.n <= FEW_COORDINATES or problem.system.m > 0
-    elements = LINEAR if few else max(FIRST_FEW, fewest_elements(fixed))
-    mesh = Mesh.uniform(fixed.start.t, fixed.end.t, elements, COARSE_DEGREE)
-    return Transcription(fixed, mesh, fixed.lengths)
 
 
 def _pairs(problem: Problem, away: Array, size: Array) -> Array:
