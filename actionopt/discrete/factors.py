@@ -229,8 +229,14 @@ class Factors:
         return self._accurate if self._pays else self.layout.small
 
     def solve_many(self, right: Array) -> Array:
-        """Return the solutions for right-hand sides (size, K), of a full matrix all at once."""
+        """Return the solutions for right-hand sides (size, K), all at once where that is quick."""
         found = [self.solve(right[:, 0])]
+        if self._even is None and (self._definite is not None or self._accurate):
+            several = self._definite
+            if several is None and self.layout.uses_condensation and not self._pays:
+                several = self._direct
+            if several is not None:
+                return np.concatenate([found[0][:, None], several(right[:, 1:])], axis=1)
         direct = self._even, self._definite, self._near, self._direct
         if all(way is None for way in direct) and (self.layout.small or self.layout.border):
             return self._full_factors(right)

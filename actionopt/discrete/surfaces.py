@@ -60,9 +60,11 @@ def onto(
     Newton's method takes steps of least length in units of `size` (n,).
     """
     system, given = problem.system.with_contact if outside else problem.system, list(event.pinned)
-    q, free = q.copy(), [i for i in range(system.n) if i not in given]
+    q = q.copy()
     q[:, given] = [event.q[i] for i in given]
-    if not free:
+    free = np.setdiff1d(np.arange(system.n), given) if given else slice(None)
+    unit = size[free]
+    if not (unit.size and len(q)):
         return q
     kept = np.ones((len(q), system.m), dtype=bool)
     # Times at which laws take turns may be to be found; they are in no constraint.
@@ -70,34 +72,31 @@ def onto(
     if outside:
         kept = system.constraint(q.T, t, parameters=parameters).T < 0
         kept[:, : problem.system.m] = True
-    found, left, unit = np.full(q.shape, np.nan), np.arange(len(q)), size[free]
+    largest = np.full(len(q), np.inf)
     for k in range(LONGEST_WAY):
-        if not left.size:
-            break
-        rows, by_q, empty = np.zeros((left.size, 0)), np.zeros((left.size, 0, system.n)), False
-        if event.on is not None:
+        empty = False
+        if event.on is None:
+            rows, by_q = np.zeros((len(q), 0)), np.zeros((len(q), 0, system.n))
+        else:
             rows, by_q, _ = event.on.along(q, t, problem.packed)
         if system.m:
             f = system.constraint(q.T, t, parameters=parameters).T
             G = system.constraint_jacobian(q.T, t, parameters=parameters)
-            empty = np.zeros((left.size, rows.shape[1] + system.m), dtype=bool)  # not asked for
-            empty[:, rows.shape[1] :] = ~kept[left]
+            empty = np.pad(~kept, ((0, 0), (rows.shape[1], 0)))  # rows that are not asked for
             rows, by_q = np.hstack([rows, f]), np.hstack([by_q, np.moveaxis(G, 2, 0)])
             rows[empty], by_q[empty] = 0.0, 0.0
         by_q = by_q[:, :, free] * unit
         with np.errstate(all="ignore"):
             if rows.shape[1] == 1:
-                step = -by_q[:, 0] * (rows / np.add.reduce(by_q[:, 0] ** 2, axis=1)[:, None])
+                step = by_q[:, 0] * (rows / np.add.reduce(by_q[:, 0] ** 2, axis=1)[:, None])
             else:
                 known = np.isfinite(rows).all(axis=1) & np.isfinite(by_q).all(axis=(1, 2))
                 known &= (by_q.any(axis=2) | empty).all(axis=1)
-                step = np.full(q[:, free].shape, np.nan)
-                step[known] = -(np.linalg.pinv(by_q[known]) @ rows[known][:, :, None])[:, :, 0]
+                step = np.full((len(q), unit.size), np.nan)
+                step[known] = (np.linalg.pinv(by_q[known]) @ rows[known][:, :, None])[:, :, 0]
             largest, farthest = np.abs(step).max(axis=1), FIRST_SURFACE_STEP * 2.0**k
-            q[:, free] += step * (farthest / np.maximum(largest, farthest))[:, None] * unit
-        there = largest < LAST_SURFACE_STEP
-        found[left[there]] = q[there]
-        going = ~there & np.isfinite(largest)
-        if not going.all():
-            left, q, t = left[going], q[going], t[going]
-    return found
+            q[:, free] -= step * (farthest / np.maximum(largest, farthest))[:, None] * unit
+        if not (largest >= LAST_SURFACE_STEP).any():
+            break
+    q[~(largest < LAST_SURFACE_STEP)] = np.nan
+    return q

@@ -71,7 +71,7 @@ class Surface:
         """How many expressions there are, s."""
         return self.law.numel_out(0)
 
-    @property
+    @cached_property
     def depends_on_time(self) -> bool:
         """Whether the surface moves."""
         return bool(self.law.jac_sparsity(0, 1).nnz())

@@ -33,19 +33,19 @@ def free_ends(tr: Transcription) -> NDInt:
 def climb(tr: Transcription, z: Array) -> tuple[Array | None, int]:
     """Return a point (size,) near such a saddle, or None, and the factorizations used."""
     ends, last = free_ends(tr), 0.0
-    columns = np.zeros((ends.size, tr.layout.size))
-    columns[np.arange(ends.size), ends] = 1.0
-    springs = diagonal(tr.layout, columns.sum(axis=0))
+    columns = np.zeros((tr.layout.size, 1 + ends.size))
+    columns[ends, 1 + np.arange(ends.size)] = 1.0
+    springs = diagonal(tr.layout, columns.sum(axis=1))
     with np.errstate(all="ignore"):
         for k in range(1, CLIMB_STEPS + 1):
-            H, gradient = tr.kkt(z), tr.residual(z)
+            H, columns[:, 0] = tr.kkt(z), -tr.residual(z)
             spring = SPRING * float(np.abs(H).max())
             try:
                 factors = Factors(tr.layout, H + spring * springs)
                 if not factors.definite():
                     return None, k
-                newton = -factors.solve(gradient)
-                moved = np.stack([factors.solve(e) for e in columns], axis=1)  # P^-1 E
+                solved = factors.solve_many(columns)
+                newton, moved = solved[:, 0], solved[:, 1:]  # moved = P^-1 E
                 carried = np.linalg.inv(moved[ends])  # S_ee + spring
                 curvature, modes = np.linalg.eigh(carried - spring * np.eye(ends.size))
                 pull = modes.T @ (carried @ -newton[ends])  # dS/de, along the modes

@@ -156,23 +156,28 @@ def _lines(problem: Problem, pairs: Array) -> list[_Line]:
     """Return the straight lines between points (K, 2, n)."""
     ends, system = (problem.start, problem.end), problem.system
     loose = [[e.on is None and x is None for x in e.near] for e in ends]  # keep the other's
-    lines, states, tr, fixed, at, v = [], [], None, None, np.zeros(0), np.zeros(0)
-    for pair, (first, last) in zip(pairs, np.where(loose, pairs[:, ::-1], pairs), strict=True):
-        if tr is None or problem.free_time:
-            try:
-                fixed = between_places(problem, pair)
-                tr = straight_action(fixed)
-            except ValueError:
-                continue
-            part = tr.mesh.nodes_since[:, None] / tr.mesh.duration
-            at, v = tr.state_of(part.repeat(system.n, axis=1))
-            at = at.reshape(len(v), -1, system.n)
-        way = last - first
-        state = at * way
-        state[:, 0] += first
-        lines.append((tr, pair, first + part * way, fixed))
-        states.append((state.reshape(len(v), -1), v * way, tr.times))
-        fixed = None
+    ways = np.where(loose, pairs[:, ::-1], pairs)
+    lines, states = [], []
+    for k, pair in enumerate(pairs):
+        try:
+            fixed = between_places(problem, pair)
+            tr = straight_action(fixed)
+        except ValueError:
+            continue
+        # Over given times all share a mesh, and states are affine in the points.
+        here = slice(k, k + 1 if problem.free_time else None)
+        first, way = ways[here, 0], ways[here, 1] - ways[here, 0]
+        part = tr.mesh.nodes_since[:, None] / tr.mesh.duration
+        at, v = tr.state_of(part.repeat(system.n, axis=1))
+        state = at.reshape(len(v), -1, system.n) * way[:, None, None]
+        state[:, :, 0] += first[:, None]
+        rates, times = (v * way[:, None]).reshape(-1, system.n), np.tile(tr.times, (len(way), 1))
+        states.append((state.reshape(len(rates), -1), rates, times))
+        values = first[:, None] + part * way[:, None]
+        known = [fixed] + [None] * (len(way) - 1)
+        lines += [(tr, *line) for line in zip(pairs[here], values, known, strict=True)]
+        if not problem.free_time:
+            break
     if not lines:
         return []
     state = *(np.concatenate(x) for x in zip(*states, strict=True)), problem.packed
