@@ -734,7 +734,7 @@ class Action:
         first, last = self.places(x), self.places(x + away)
         ends = zip(self.state(first), self.state(last), strict=True)
         at, v = ((a + parts[:, None, None] * (b - a)).reshape(-1, a.shape[1]) for a, b in ends)
-        times = np.tile(self.times, (parts.size, 1))
+        times = self.times[None].repeat(parts.size, axis=0).reshape(-1, 1)
         L = self.problem.system.pointwise("value")(at, v, times, self.problem.packed)[0]
         S = L.reshape(parts.size, -1) @ self.weight[:, 0]
         if self.nodal:

@@ -26,6 +26,7 @@ from actionopt.discrete.layout import (
     Pattern,
     border_matrix,
 )
+from actionopt.discrete.matrices import Matrices, read
 from actionopt.tools.blas import cholesky, lu
 from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
@@ -482,8 +483,8 @@ class SparseFactors:
             return factors
         if "ordered" not in layout.solvers:
             layout.solvers["ordered"] = _reorder(layout.kkt, self._order)
-        sparsity, source = layout.solvers["ordered"]
-        return ca.ldl(ca.DM(sparsity, memoryview(values[source])), False)  # type: ignore
+        matrices, source = layout.solvers["ordered"]
+        return ca.ldl(matrices.of(values[source]), False)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,), or several, (size, c)."""
@@ -493,8 +494,7 @@ class SparseFactors:
         if factors is None or (right.ndim > 1 and factors[1].nnz() < COLUMN_FACTORS * layout.size):
             return _solver(layout, "ldl", right.shape[1])(self._values, right.T).T
         right = right if self._order is None else right[self._order]
-        column = ca.DM(right) if right.ndim > 1 else _dense(layout.size, right)
-        found = read(ca.ldl_solve(column, *factors)).reshape(right.shape)
+        found = read(ca.ldl_solve(_columns(layout, right), *factors)).reshape(right.shape)
         if self._order is None:
             return found
         x = np.empty_like(found)
@@ -513,27 +513,14 @@ class SparseFactors:
         return 0.0 if self._layout.rows else float(np.abs(self._factors[0].full()).max(initial=0.0))
 
 
-def _dense(size: int, column: Array) -> ca.DM:
-    return ca.DM(ca.Sparsity.dense(size), memoryview(column))  # type: ignore
-
-
-def read(matrix: ca.DM) -> Array:
-    """Return the numbers of a dense matrix (n, c): asked for as such, each is an object first."""
-    found = np.empty(matrix.shape[::-1])
-    buffer, evaluate = ca.Function("read", [], [ca.MX(matrix)]).buffer()
-    buffer.set_res(0, memoryview(found))  # type: ignore
-    evaluate()
-    return found.T
-
-
-def _reorder(pattern: Pattern, order: NDInt) -> tuple[ca.Sparsity, NDInt]:
-    """Return the pattern with rows and columns in this order, and which nonzero is each of its."""
+def _reorder(pattern: Pattern, order: NDInt) -> tuple[Matrices, NDInt]:
+    """Return matrices with rows and columns in this order, and which nonzero is each of theirs."""
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
     row, col = place[pattern.row], place[pattern.col]
     source = np.argsort(col * order.size + row)
     ordered = Pattern(pattern.shape, row[source], col[source], source)
-    return ordered.sparsity, source
+    return Matrices(ordered.sparsity), source
 
 
 class _Eliminated:
@@ -736,8 +723,19 @@ def _solver(layout: MatrixLayout, kind: str, count: int = 1) -> Sparse:
 
 
 def _matrix(layout: MatrixLayout, nonzeros: Array) -> ca.DM:
-    """Return a matrix for CasADi, which reads buffers twice as fast as arrays."""
-    return ca.DM(layout.kkt.sparsity, memoryview(nonzeros))  # type: ignore
+    """Return a matrix for CasADi."""
+    if "matrices" not in layout.solvers:
+        layout.solvers["matrices"] = Matrices(layout.kkt.sparsity)
+    return layout.solvers["matrices"].of(nonzeros)
+
+
+def _columns(layout: MatrixLayout, right: Array) -> ca.DM:
+    """Return columns (size,) or (size, c) for CasADi."""
+    count = right.size // layout.size
+    key = f"columns {count}"
+    if key not in layout.solvers:
+        layout.solvers[key] = Matrices(ca.Sparsity.dense(layout.size, count))
+    return layout.solvers[key].of(right.T)
 
 
 def _regular(layout: MatrixLayout, nonzeros: Array) -> Array:

@@ -32,6 +32,7 @@ import numpy as np
 from actionopt.discrete.assemble_sparse import forcing
 from actionopt.discrete.factors import REGULAR, Factors, Sparse
 from actionopt.discrete.layout import Layout, Pattern
+from actionopt.discrete.matrices import Matrices
 from actionopt.discrete.newton import CONTRACTION, SURELY
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
@@ -198,6 +199,7 @@ class _Systems:
             ],
         )
         self._balancer = Sparse(self.balancing, "ldl")
+        self._matrices = Matrices(self.stepping.sparsity)
 
     def balance(self, mass: Array, J: Array, right: Array) -> Array:
         """Solve [M, J'; J, 0] for one right-hand side (size,)."""
@@ -212,5 +214,5 @@ class _Systems:
         both[self.place] = right
         values = self.stepping.sum(np.concatenate([*A, *A, -M, M]))
         # `ca.ldl` can be told to keep the unknowns' order; CasADi's solvers ignore that option.
-        factors = ca.ldl(ca.DM(self.stepping.sparsity, memoryview(values)), False)  # type: ignore
+        factors = ca.ldl(self._matrices.of(values), False)
         return ca.ldl_solve(ca.DM(both), *factors).full().ravel()[self.place + 1]

@@ -33,7 +33,7 @@ SHORTEN, SHORTEST_PART = 3.0, 3e-4  # of a step, for which no factorization is n
 POWER_STEPS, OFF_SADDLE = 4, 2.0**-7  # in lengths
 RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 FAR_OUT = 8.0  # sizes from where it is asked whether S falls on and on
-DOUBLINGS = 2.0 ** np.arange(1, 5)  # of a step, that are looked at together
+DOUBLINGS = 2.0 ** np.arange(1, 9)  # of a step, that are looked at together
 
 
 @immutable
@@ -198,14 +198,16 @@ def way_down(tr: Transcription, saddle: Array, away: Array) -> Array | None:
 
 def _falls(tr: Transcription, first: Array, away: Array) -> bool:
     """Whether S falls beyond `away` from a path, each step twice as far, until it has run away."""
-    before, part = tr.action_alone(first + away), 1.0
+    before, parts = tr.action_alone(first + away), DOUBLINGS
     while True:
-        for action in tr.actions_along(first, away, part * DOUBLINGS):
-            if np.abs(first + part * away).max() >= RUNAWAY:
+        sizes = np.abs(first + parts[:, None] / 2 * away).max(axis=1)
+        for action, size in zip(tr.actions_along(first, away, parts), sizes, strict=True):
+            if size >= RUNAWAY:
                 return True
             if not action < before:
                 return False
-            before, part = action, 2 * part
+            before = action
+        parts = parts * DOUBLINGS[-1]
 
 
 def _backtrack(
