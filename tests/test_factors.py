@@ -1,5 +1,6 @@
 """Factors of the KKT matrix, however it is stored, against dense linear algebra."""
 
+import casadi as ca
 import numpy as np
 import pytest
 import systems
@@ -17,6 +18,7 @@ from actionopt.discrete.factors import (
     solve_inside,
 )
 from actionopt.discrete.layout import border_matrix
+from actionopt.discrete.matrices import Matrices
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
@@ -431,6 +433,13 @@ def test_several_right_hand_sides_are_solved_as_one_is(name):
     alone = np.linalg.solve(dense, right)
     found = Factors(layout, nonzeros).solve_many(right)
     assert np.abs(found - alone).max() <= 1e-9 * np.abs(alone).max()
+
+
+def test_matrices_of_casadi_have_the_numbers_that_are_given():
+    matrices, values = Matrices(ca.Sparsity.banded(5, 1)), np.arange(13.0)
+    found = [matrices.of(factor * values) for factor in (1.0, 2.0)]
+    assert [x.nonzeros() for x in found] == [values.tolist(), (2 * values).tolist()]
+    assert found[0].sparsity() == ca.Sparsity.banded(5, 1)
 
 
 def test_a_matrix_near_another_is_solved_by_its_factors():

@@ -408,12 +408,13 @@ def test_a_member_that_its_neighbour_does_not_lead_to_is_solved_without_it(monke
     assert (runs.status == "SOLVED").all()
 
 
-def test_points_of_many_coordinates_are_looked_for_in_random_directions():
+def test_points_of_many_coordinates_are_the_nearest_and_others_in_random_directions():
     n = NEAREST_POINTS + 1
     free = ao.System(lambda q, v, t: v @ v / 2, [f"x{k}" for k in range(n)])
     sphere = ao.Event(1.0, None, on=lambda q, t: q @ q - 1)
     pairs = nearest_points.near(ao.Problem(free, ao.Event(0.0, 2 * np.eye(n)[0]), sphere))
-    assert len(pairs) == 2 * NEAREST_POINTS
+    assert len(pairs) == 1 + 2 * NEAREST_POINTS
+    assert pairs[0][1] == pytest.approx(np.eye(n)[0])
     for start, end in pairs:
         assert start == pytest.approx(2 * np.eye(n)[0])
         assert end @ end == pytest.approx(1)

@@ -14,6 +14,7 @@ from actionopt import scenes
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.factors import full
 from actionopt.families.free_times import _passes
+from actionopt.solver import first_paths
 from actionopt.solver.between import Choices
 from actionopt.solver.durations import straight_passage
 from actionopt.solver.first_paths import FirstPaths, guess_path
@@ -51,6 +52,12 @@ def test_a_throw_far_from_zero():
     assert abs(up.end.t - T) < 1e-11 and np.abs(up(t)[0] - (q0 + v * t - G * t**2 / 2)).max() < 1e-9
     S = v**2 / 2 * T - v * G * T**2 + G**2 * T**3 / 3 - G * q0 * T
     assert abs(up.action - S) < 1e-9
+
+
+def test_newtons_steps_from_the_line_are_enough_to_begin_with(monkeypatch):
+    monkeypatch.delattr(first_paths, "solve_on_the_way")
+    known = flights(60.0)[0]
+    assert ao.solve(throw(60.0)).duration == pytest.approx(known, abs=1e-8)
 
 
 @pytest.mark.quick("30.0")

@@ -72,9 +72,8 @@ def onto(
     if outside:
         kept = system.constraint(q.T, t, parameters=parameters).T < 0
         kept[:, : problem.system.m] = True
-    largest = np.full(len(q), np.inf)
+    largest, empty = np.full(len(q), np.inf), np.zeros((1, 1), dtype=bool)
     for k in range(LONGEST_WAY):
-        empty = False
         if event.on is None:
             rows, by_q = np.zeros((len(q), 0)), np.zeros((len(q), 0, system.n))
         else:

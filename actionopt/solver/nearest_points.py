@@ -92,6 +92,7 @@ def points(
     """
     size = sizes(problem)
     found = np.array(near(problem, size=size) if pairs is None else list(pairs))
+    found = found.reshape(-1, 2, size.size)  # none too
     alike = np.round(found / (APART * size)) + 0.0  # no -0.0
     first = {row.tobytes(): k for k, row in reversed([*enumerate(alike)])}
     lines = _lines(problem, found[sorted(first.values())])
