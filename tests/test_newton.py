@@ -62,6 +62,20 @@ def test_linear_systems_take_one_step_from_anywhere(name, elements):
     assert far.travelled == pytest.approx(np.max(np.abs(far.z - 100 * start)[:cut]), rel=1e-12)
 
 
+def test_factors_of_a_matrix_near_serve_to_follow_a_path():
+    tr, exact = swing()
+    own = follow(tr, tr.pack(exact))
+    bump = 1e-6 * np.sin(np.pi * tr.mesh.nodes / 0.8)[:, None]
+    z = tr.pack(exact + bump)
+    found = follow(tr, z, near=(Factors(tr.layout, tr.kkt(z)), 0.0))
+    assert found.converged and found.iterations == 0
+    assert np.abs(found.z - own.z).max() <= ROUNDING
+    assert found.since == pytest.approx(np.abs(found.z - z).max())
+    far = follow(tr, z, near=(Factors(tr.layout, -tr.kkt(z)), 0.0))  # which lead away
+    assert far.converged and far.iterations > 0
+    assert np.abs(far.z - own.z).max() <= ROUNDING
+
+
 def test_newton_contracts_quadratically():
     tr, exact = swing()
     errors = []

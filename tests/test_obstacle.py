@@ -15,6 +15,9 @@ import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
 from actionopt.discrete.borders import times_of
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.families.obstacle_search import curves
 from actionopt.mechanics.held import Held
@@ -22,7 +25,7 @@ from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.switches import minimum_parts
 from actionopt.solver import first_contacts, free_contact, least_along
 from actionopt.solver.first_contacts import _where_zero, other_sides
-from actionopt.solver.taut_strings import parts_at_zero
+from actionopt.solver.taut_strings import WayOut, parts_at_zero
 from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"
@@ -146,6 +149,16 @@ def test_a_string_round_flat_sides(p):
     assert found.action == pytest.approx(length**2 / 2, rel=1e-8)
     free = found.contacts[0].begin, 1 - found.contacts[-1].end  # either way is as long
     assert sorted(free) == pytest.approx(sorted([before / length, behind / length]), abs=1e-5)
+
+
+def test_a_string_drawn_round_a_disc_meets_it_when_the_shortest_way_does():
+    A, B = (-2, 0.3), (2, 0)
+    held = Held(ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B)), ())
+    line = Path(Mesh.uniform(0.0, 1.0, 1, 1), np.array([A, B], dtype=float).T)
+    out = WayOut.of(DiscretePath.of(held, line.on(Mesh.uniform(0.0, 1.0, 16, 4))))
+    _, (arc,) = out.strings.draw(lambda _: out.normal)
+    # Angles of 1e-4 are zero to it: the square of that, and of what its curve leaves out.
+    assert (arc.begin, arc.end) == pytest.approx(around(A, B)[2], abs=2e-6)
 
 
 @pytest.mark.parametrize("f", [[-1.0, -1.0, 1.0, 2.0], [-2.0, -1.0, 1.0, 1.0]])

@@ -61,9 +61,9 @@ def with_contact_times(tr: Transcription, times: Array, moves: Array) -> Transcr
 class TangencyMatrix:
     """The factors of Newton's matrix for a path and its times of contact, J of them, at one path.
 
-    Both at once: between given times of contact a path that is stationary meets the obstacle at an
-    angle whose square the times determine, and may not exist at all. Raises LinAlgError where the
-    matrix of the path is singular, or not finite.
+    Those of the path alone are its `factors`. Both at once: between given times of contact a path
+    that is stationary meets the obstacle at an angle whose square the times determine, and may not
+    exist at all. Raises LinAlgError where the matrix of the path is singular, or not finite.
     """
 
     def __init__(self, equations: Equations, z: Array, times: Array) -> None:
@@ -72,8 +72,8 @@ class TangencyMatrix:
         # All times from one on move, so that a short part behind it keeps its length.
         self._shifted = (where[:, None] == where) & (each[:, None] >= each)
         columns, rows, corner = contact_edges(equations, z, times)
-        self._factors = Factors(equations.layout, equations.kkt(z), many=True)
-        moves = [self._factors.solve(move) for move in (columns @ self._shifted).T]
+        self.factors = Factors(equations.layout, equations.kkt(z), many=True)
+        moves = [self.factors.solve(move) for move in (columns @ self._shifted).T]
         self._moves = -np.stack(moves, axis=1)
         slopes = rows @ self._moves + corner @ self._shifted
         across, sizes, along = np.linalg.svd(slopes, full_matrices=False)
@@ -88,7 +88,7 @@ class TangencyMatrix:
         It is Newton's where the matrix is that at z; a simplified one where times and z have moved
         since. A `force` (size,) is what the residual of the path is to be in place of zero.
         """
-        step = self._factors.solve(force - equations.residual(z))
+        step = self.factors.solve(force - equations.residual(z))
         there = DiscretePath(equations.at(z + step), (z + step)[: equations.at(z).layout.size])
         change = self._inverse @ slip_values(there)
         return self._shifted @ change, step + self._moves @ change

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
@@ -77,17 +78,25 @@ def follow(
     target: float = TARGET,
     enough: Callable[[Array], float] | None = None,
     steps: int = 12,
+    near: tuple[Factors, float] | None = None,
 ) -> Followed:
     """Follow the stationary path near z in at most `steps` factorizations; one if it is `linear`.
 
     What is left then is below `target`, in units of the coordinates' sizes, or round-off; or below
     what `enough` returns for the path at hand, whose round-off is not measured. `many` is for
-    `Factors`.
+    `Factors`. Those of a matrix `near` that at z, and how far it was taken from there, may do.
     """
     cut = tr.layout.unknowns
     first, rest = z, np.inf
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
+        if near is not None:
+            factors, since = near
+            with suppress(np.linalg.LinAlgError):
+                end, rest, _, converged = _steps(tr, factors, z, residual, linear, target, enough)
+                if converged and np.isfinite(rest):
+                    since += _size(end - z)
+                    return Followed(end, True, rest, 0, _size((end - z)[:cut]), factors, since)
         for k in range(1, steps + 1):
             factors, taken = None, z  # frees the last ones before the next are made
             try:

@@ -33,6 +33,7 @@ ANGLE = np.pi / 36  # by which a normal is turned at once; ad hoc
 SUPPORT_STEPS, LAST_SUPPORT_STEP = 12, 1e-5
 # of false position, to where a string comes to a body, and the angle that is zero there
 ANGLE_STEPS, LAST_ANGLE = 12, 1e-4
+SPEED_STEPS = 2  # of the secant method, to when a string comes to a body; ad hoc
 FIRST_STRIDE = 8  # steps across a body at once, at first
 SEEN_INSIDE = 3  # places where a path is inside of an obstacle that need not be looked for; ad hoc
 PASSES = 5  # over all bodies, where there are several
@@ -268,24 +269,52 @@ class Ways:
 
         From x to y, both (C, n), it goes a `length` at one speed.
         """
-        t, q, v, (a, before), (b, behind) = self.times, self.q, self.v, self.before, self.behind
-        arrival = v + (x[:, None] - q - before) / (t - a)[:, None]
-        speeds = np.linalg.norm(arrival, axis=2)
-        ends = t + length / np.maximum(speeds, EPS)
-        if length:
-            q, v = (np.stack([np.interp(ends, t, row) for row in z.T], axis=2) for z in (q, v))
-        departure = v + (behind - (y[:, None] - q)) / np.maximum(b - ends, EPS)[:, :, None]
-        slower = speeds - np.linalg.norm(departure, axis=2)
-        first, each = np.argmax((slower < 0) | (ends >= b), axis=1), np.arange(len(x))
+        t, each = self.times, np.arange(len(x))
+        arrival, departure, ends = self._velocities(t[None], (self.q, self.v), x, y, length)
+        slower = _excess(arrival, departure)
+        first = np.argmax((slower < 0) | (ends >= self.behind[0]), axis=1)
         last = np.maximum(first - 1, 0)
-        off = slower[each, last]
-        part = np.clip(off / np.maximum(off - slower[each, first], EPS), 0.0, 1.0)[:, None]
-        times = np.broadcast_to(t[:, None], (len(x), t.size, 1))
-        when, arrival, departure = (
-            z[each, last] + part * (z[each, first] - z[each, last])
-            for z in (times, arrival, departure)
+        off, before = slower[each, last], t[last]
+        part = np.clip(off / np.maximum(off - slower[each, first], EPS), 0.0, 1.0)
+        when = before + part * (t[first] - before)
+        for _ in range(SPEED_STEPS if length else 0):
+            state = self._at(when[:, None])
+            arrival, departure, _ = self._velocities(when[:, None], state, x, y, length)
+            slower = _excess(arrival, departure)[:, 0]
+            change, step = off - slower, slower * (when - before)
+            before, off = when, slower
+            when = when + np.divide(step, change, out=0 * step, where=change != 0)
+            when = np.clip(when, t[last], t[first])
+        if length:
+            return when, arrival[:, 0], departure[:, 0]
+        arrival, departure = (
+            z[each, last] + part[:, None] * (z[each, first] - z[each, last])
+            for z in (arrival, departure)
         )
-        return when[:, 0], arrival, departure
+        return when, arrival, departure
+
+    def _velocities(
+        self, t: Array, state: tuple[Array, Array], x: Array, y: Array, length: float
+    ) -> tuple[Array, Array, Array]:
+        """Return the velocities with which it comes to x and leaves y, (C, K, n), and when that is.
+
+        It comes at times t (C, K) or (1, K), at which q and v of the path are a `state`.
+        """
+        (a, before), (b, behind), (q, v) = self.before, self.behind, state
+        arrival, ends = v + (x[:, None] - q - before) / (t - a)[:, :, None], t
+        if length:
+            ends = t + length / np.maximum(np.linalg.norm(arrival, axis=2), EPS)
+            q, v = self._at(ends)
+        departure = v + (behind - (y[:, None] - q)) / np.maximum(b - ends, EPS)[:, :, None]
+        return arrival, departure, ends
+
+    def _at(self, t: Array) -> tuple[Array, Array]:
+        """Return the path's coordinates and velocities at other times, (C, K, n) each."""
+        times = self.times
+        k = np.clip(np.searchsorted(times, t) - 1, 0, times.size - 2)
+        part = np.clip((t - times[k]) / (times[k + 1] - times[k]), 0.0, 1.0)[:, :, None]
+        q, v = (z[k] + part * (z[k + 1] - z[k]) for z in (self.q, self.v))
+        return q, v
 
     def beyond(self, normals: Array, x: Array) -> Array:
         """Return angles (2, C), above zero beyond where it comes to the body first, leaves it last.
@@ -296,6 +325,11 @@ class Ways:
         ways = np.stack([arrival, -departure])
         lengths = np.maximum(np.linalg.norm(ways, axis=2), EPS)
         return np.arcsin(np.clip(np.sum(normals * ways, axis=2) / lengths, -1.0, 1.0))
+
+
+def _excess(v: Array, w: Array) -> Array:
+    """Return by how much one velocity is faster than another, (C, K), both (C, K, n)."""
+    return np.linalg.norm(v, axis=2) - np.linalg.norm(w, axis=2)
 
 
 @dataclass(frozen=True)
@@ -331,10 +365,10 @@ class Strings:
         return found.mesh.nodes_since, found.Q / sizes, v / sizes
 
     def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
-        """Return the `Ways` between two places; None where the path has no node between."""
+        """Return the `Ways` between two places; None where the path has not two nodes between."""
         since, q, v = self._motion
         at = (before[0] < since) & (since < behind[0])
-        return Ways(since[at], q[at], v[at], before, behind) if at.any() else None
+        return Ways(since[at], q[at], v[at], before, behind) if np.count_nonzero(at) > 1 else None
 
     def draw(self, side: Callable[[float], Array]) -> tuple[Path, tuple[Arc, ...]] | None:
         """Return the path along a taut string, and its contacts.

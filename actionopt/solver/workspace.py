@@ -422,9 +422,14 @@ class Workspace(Generic[Place]):
         if shown and mesh.lengths.min() > SHORT_ELEMENT * mesh.duration:
             self.unpolished = replace(path.bare(), error=np.inf)
 
-    def follow(self, reach: float = np.inf) -> bool:
-        """Polish the path where it is; False if it is not there, or farther than `reach`."""
+    def follow(self, reach: float = np.inf, *, kept: bool = False) -> bool:
+        """Polish the path where it is; False if it is not there, or farther than `reach`.
+
+        With the factors that are `kept` with it, if they will do.
+        """
         started = perf_counter()
+        factors = self.here.factors if kept else None
+        near = None if factors is None else (factors, self.here.since)
         here = self.here = self.here.bare()  # frees factors before others are made
         # Others are resolved already, unless that costs more than a mesh between.
         first = self.refines and (reach == np.inf or self.many_coordinates) and not self.many
@@ -444,6 +449,7 @@ class Workspace(Generic[Place]):
                 many=self.many,
                 target=min(self.tol / (10 * SAFETY), negligible),
                 enough=passable if first else None,
+                near=near,
             )
         self.record.iterations["newton"] += result.iterations
         if not (result.converged and (self.linear or result.travelled < reach)):
