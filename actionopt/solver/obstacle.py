@@ -65,13 +65,16 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 VANISHING = 1e-10, 1e-5
 # Steps of path and times of contact that need not be taken, in their sizes and the duration: a
 # thousandth of the tolerance, kept in this range. The path depends on the times to second order.
-# Newton's own step below the tolerance is the last: of 150 questions none was above a tenth of the
-# one before, where that was less than 1e-3.
-SETTLED_SHARE, SETTLED_STEPS = 1e-3, (1e-13, 1e-9)
+# Newton's own step below the tolerance, and below the share SLIGHT of all parts, is the last: of 150
+# questions the next was a tenth of it at most.
+SETTLED_SHARE, SETTLED_STEPS, SLIGHT = 1e-3, (1e-13, 1e-9), 1e-4
 # A finer tolerance, and the degree with which the first elements, which are short, may meet it.
 # Measured round balls: less leaves out 3e-9, and another mesh takes a third of the time. Beams with
 # accelerations lost their contacts with it.
 FINE_TOL, FINE_DEGREE = 1e-8, 8
+# Ratio of Newton's own steps, twice, from where on what comes is told by their sum: times of contact
+# on flat sides, where the slip grows as a high power k of the time, step by 1 - 1 / k of the last.
+SLOW = 0.8
 RATE_DOUBT = 10.0  # times the ratio of two steps, that of the next: measured up to 8
 # Steps of the times of contact are round-off if two, shorter than this part of the duration, do not
 # contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
@@ -308,6 +311,7 @@ class Along(Workspace[Iterate]):
         """Move path and times of contact to where it is tangential; False if that fails."""
         settled = float(np.clip(SETTLED_SHARE * self.tol, *SETTLED_STEPS))
         matrix, last, stalled, contraction, since = None, np.inf, False, 1.0, 0.0
+        rate, part = 0.0, 1.0
         for _ in range(PATIENT):
             times = self.contact_problem.contact_times
             if not times.size:
@@ -329,7 +333,9 @@ class Along(Workspace[Iterate]):
                 return False
             before, stalled = stalled, last < STALLED_TIME and size > last / 2
             if not (size < settled or (before and stalled)):
-                part = self._within(times, step)
+                rate, slow = (size / last if part == 1.0 and not simplified else 0.0), rate
+                left = 1 / (1 - rate) if SLOW < min(rate, slow) and rate < 1.0 else 0.0
+                part, slight = self._within(times, step, left)
                 self._shift(times, part * step)
                 self.here = self.here.moved(here.z + part * move)
                 since += size
@@ -337,8 +343,8 @@ class Along(Workspace[Iterate]):
                 # Simplified steps are taken where few are left: they go astray where steps contract
                 # slowly. Of the first, which tells no ratio, Newton's next is about the square.
                 ratio = contraction if last < np.inf else size
-                own = part == 1.0 and not simplified
-                if not (RATE_DOUBT * size * contraction < settled or (own and size < self.tol)):
+                last_own = slight and size < self.tol and not simplified
+                if not (RATE_DOUBT * size * contraction < settled or last_own):
                     if part < 1.0 or size * ratio**CHORDS > settled:
                         matrix = None
                     last = size
@@ -347,19 +353,25 @@ class Along(Workspace[Iterate]):
             return True
         return False
 
-    def _within(self, times: Array, step: Array) -> float:
-        """Return the share of a step that shortens no part too much; raise where one vanishes."""
+    def _within(self, times: Array, step: Array, left: float) -> tuple[float, bool]:
+        """Return the share of a step that shortens no part too much; raise where one vanishes.
+
+        So does one that steps as this one, `left` of them, all but close. And whether the step is
+        slight beside all parts.
+        """
         knots = np.union1d(self.contact_problem.knots, times)
         moves = np.zeros(knots.size)
         moves[np.searchsorted(knots, times)] = step
         lengths, changes = np.diff(knots), np.diff(moves)
         shortest = float(np.clip(self.tol, *VANISHING)) * self.question.duration
-        gone = (lengths < shortest) & (changes < 0)
+        gone = (lengths < shortest) | (lengths + left * changes < SHRINK * lengths)
+        gone &= changes < 0
         if gone.any():
             k = int(np.flatnonzero(gone)[0])
             raise ContactChange(self._merge(knots[k], knots[k + 1]))
         limit = (SHRINK - 1) * lengths
-        return min(1.0, float(np.min(limit / np.minimum(changes, limit))))
+        slight = bool(np.abs(step).max() < SLIGHT * lengths.min())
+        return min(1.0, float(np.min(limit / np.minimum(changes, limit)))), slight
 
     def _merge(self, a: float, b: float) -> tuple[Arc, ...]:
         """Return the parts in contact when what is between two times has vanished."""

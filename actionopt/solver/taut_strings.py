@@ -89,7 +89,8 @@ class Body:
         K = np.zeros((count, n + 1, n + 1))
         K[:, :n, n], mu = -normals, None
         for _ in range(SUPPORT_STEPS):
-            f, G, H = self.at(x)
+            with np.errstate(over="ignore", invalid="ignore"):  # where steps lead far away
+                f, G, H = self.at(x)
             mu = np.sum(G * normals, axis=1) if mu is None else mu
             K[:, :n, :n], K[:, n, :n] = H, G
             miss = np.concatenate([mu[:, None] * normals - G, -f[:, None]], axis=1)
