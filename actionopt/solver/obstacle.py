@@ -65,16 +65,16 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 VANISHING = 1e-10, 1e-5
 # Steps of path and times of contact that need not be taken, in their sizes and the duration: a
 # thousandth of the tolerance, kept in this range. The path depends on the times to second order.
-# Newton's own step below the tolerance, and below the share SLIGHT of all parts, is the last: of 150
+# Newton's own step below the tolerance, and below a share of all parts, is the last: in 150
 # questions the next was a tenth of it at most.
-SETTLED_SHARE, SETTLED_STEPS, SLIGHT = 1e-3, (1e-13, 1e-9), 1e-4
+SETTLED_SHARE, SETTLED_STEPS, SHORT_STEP = 1e-3, (1e-13, 1e-9), 1e-4
 # A finer tolerance, and the degree with which the first elements, which are short, may meet it.
 # Measured round balls: less leaves out 3e-9, and another mesh takes a third of the time. Beams with
 # accelerations lost their contacts with it.
 FINE_TOL, FINE_DEGREE = 1e-8, 8
-# Ratio of Newton's own steps, twice, from where on what comes is told by their sum: times of contact
-# on flat sides, where the slip grows as a high power k of the time, step by 1 - 1 / k of the last.
-SLOW = 0.8
+# Ratio of Newton's own steps, twice, from where on their sum tells what comes: times of contact on
+# flat sides, where the slip grows as a high power k of the time, step by 1 - 1 / k of the last.
+FLAT_RATE = 0.8
 RATE_DOUBT = 10.0  # times the ratio of two steps, that of the next: measured up to 8
 # Steps of the times of contact are round-off if two, shorter than this part of the duration, do not
 # contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
@@ -333,8 +333,9 @@ class Along(Workspace[Iterate]):
                 return False
             before, stalled = stalled, last < STALLED_TIME and size > last / 2
             if not (size < settled or (before and stalled)):
-                rate, slow = (size / last if part == 1.0 and not simplified else 0.0), rate
-                left = 1 / (1 - rate) if SLOW < min(rate, slow) and rate < 1.0 else 0.0
+                whole = part == 1.0 and not simplified
+                rate, before_it = size / last if whole else 0.0, rate
+                left = 1 / (1 - rate) if min(rate, before_it) > FLAT_RATE and rate < 1.0 else 0.0
                 part, slight = self._within(times, step, left)
                 self._shift(times, part * step)
                 self.here = self.here.moved(here.z + part * move)
@@ -370,7 +371,7 @@ class Along(Workspace[Iterate]):
             k = int(np.flatnonzero(gone)[0])
             raise ContactChange(self._merge(knots[k], knots[k + 1]))
         limit = (SHRINK - 1) * lengths
-        slight = bool(np.abs(step).max() < SLIGHT * lengths.min())
+        slight = bool(np.abs(step).max() < SHORT_STEP * lengths.min())
         return min(1.0, float(np.min(limit / np.minimum(changes, limit)))), slight
 
     def _merge(self, a: float, b: float) -> tuple[Arc, ...]:
