@@ -105,6 +105,8 @@ def check_integrals(problem: Any) -> None:
     """Raise ValueError for an integral that is not more than the least, or less than the largest.
 
     Of g(v) that is convex, as a length is, the straight line has the least (Jensen's inequality).
+    How it bends is asked at rates in units of those at which g(0) and the part of second order are
+    of one size.
     """
     system, events, way = problem.system, (problem.start, problem.end), problem.advance
     T = None if None in (problem.start.t, problem.end.t) else problem.duration
@@ -119,12 +121,19 @@ def check_integrals(problem: Any) -> None:
         g = system.g[i]
         if ca.depends_on(g, ca.vertcat(s.q, s.t)):
             continue
-        known = [g, ca.hessian(g, s.v)[0]]
+        known = ca.hessian(g, s.v)
+        is_linear = not ca.depends_on(known[1], s.v)
+        known = [g, known[0]]
         of = system.memoize(f"integrand {i}", lambda k=known: ca.Function("g", [s.v, s.p], k))
         packed = problem.packed.ravel()
-        points = general_states(system.n)[1]  # of all sizes: near zero another g may bend back
-        values, hessians = of.map(len(points))(points.T, packed)
-        hessians = hessians.full().T.reshape(-1, system.n, system.n)
+        at_rest, bends = (x.full() for x in of(np.zeros(system.n), packed))
+        with np.errstate(all="ignore"):
+            unit = np.sqrt(np.abs(at_rest[0] / np.diag(bends)))
+        unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)
+        # Of all sizes: near zero another g may bend back.
+        points = general_states(system.n)[1]
+        values, hessians = of.map(len(points))((points * unit).T, packed)
+        hessians = hessians.full().T.reshape(-1, system.n, system.n) * np.outer(unit, unit)
         if not np.isfinite(hessians).all():
             continue
         bends = np.linalg.eigvalsh(hessians)
@@ -133,7 +142,8 @@ def check_integrals(problem: Any) -> None:
         straight = T * float(of(way / T, packed)[0])
         for sign, most, few in ((1, "least", "less"), (-1, "largest", "more")):
             beyond, rounding = sign * (straight - asked), CANCELLED * abs(straight)
-            if beyond < -rounding or not (sign * bends >= -size).all():
+            seen = is_linear or (sign * bends > size).any()  # |v| has more, though it never bends
+            if beyond < -rounding or not seen or not (sign * bends >= -size).all():
                 continue
             if beyond > rounding:
                 raise ValueError(
@@ -141,7 +151,7 @@ def check_integrals(problem: Any) -> None:
                     f"found {asked:g} and no such path: the {most} is {straight:.9g}, along the "
                     f"straight line, and none has {few}"
                 )
-            if (sign * bends > size).any():
+            if not is_linear:
                 raise ValueError(
                     "expected values of the integrals that neighbours have as well, found "
                     f"{asked:g}, the {most}, which the straight line has alone: nothing is left to "
