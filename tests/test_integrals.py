@@ -597,16 +597,16 @@ def test_integrals_that_paths_have_pass():
 def test_values_in_any_units_are_refused_where_no_path_has_them_alone():
     """A rope whose heights are told in a unit of their own, from 0 to 2; and |v| along a line."""
     rope = ao.System(
-        lambda q, v, t: q[0],
+        lambda q, v, t, *, unit: q[0],
         ["y"],
-        parameters=["unit"],
-        integral=lambda q, v, t, p: np.sqrt(1 + (v[0] * p[0]) ** 2),
+        parameters={"unit": 1.0},
+        integral=lambda q, v, t, *, unit: np.sqrt(1 + (v[0] * unit) ** 2),
     )
+    ends = ao.Event(0, [0]), ao.Event(2, [0])
     for unit in (1.0, 1e-18, 1e18):
-        known = {"start": ao.Event(0, [0]), "end": ao.Event(2, [0]), "parameters": {"unit": unit}}
-        check_integrals(ao.Problem(rope, **known, integral=3))
+        check_integrals(ao.Problem(rope, *ends, parameters={"unit": unit}, integral=3))
         with pytest.raises(ValueError, match="the least is 2, along the straight line"):
-            check_integrals(ao.Problem(rope, **known, integral=1.5))
+            check_integrals(ao.Problem(rope, *ends, parameters={"unit": unit}, integral=1.5))
     to_and_fro = ao.System(lambda q, v, t: v[0] ** 2, ["x"], integral=lambda q, v, t: np.fabs(v[0]))
     check_integrals(ao.Problem(to_and_fro, ao.Event(0, [0]), ao.Event(1, [1]), integral=3))
 
