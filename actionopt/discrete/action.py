@@ -149,6 +149,7 @@ class Action:
         self.action_unit, self.row_units = (
             self._units() if like is None else (like.action_unit, like.row_units)
         )
+        self.gradient_unit = self.x_unit / self.action_unit
         self.row_weight, self.row_unit = self._row_measures(weight)
         self.mu_unit = self.action_unit / self.row_unit
 
@@ -602,7 +603,7 @@ class Action:
         if not x.size:
             return 0.0
         if self.x_origin is None:
-            return float(np.abs(x).max())
+            return float(np.maximum.reduce(np.abs(x)))
         return float((np.abs(x) / self.magnitudes[: x.size]).max())
 
     @property
@@ -617,12 +618,13 @@ class Action:
 
     def velocities(self, at: Array) -> Array:
         """Return the velocities at the evaluations, for coordinates `at` there, both (E, n)."""
-        parts = []
+        found = np.empty(at.shape)
         for g, half in zip(self.layout.groups, self.halves, strict=True):
-            q = at[g.span].reshape(*g.nodes.shape, -1)
+            shape = *g.nodes.shape, at.shape[1]
+            q = at[g.span].reshape(shape)
             q = q - q[:, :1]  # a constant has no velocity, nor the round-off of one
-            parts.append((by_each(g.rule.derivative, q) / half).reshape(-1, at.shape[1]))
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+            np.divide(by_each(g.rule.derivative, q), half, out=found[g.span].reshape(shape))
+        return found
 
     def place(self, x: Array) -> Evaluations:
         """Return the evaluations at x (unknowns,); those of the last x are kept."""
@@ -793,7 +795,7 @@ class Action:
             first, last = self.layout.free[self.layout.free < width], np.empty(width)
             last[list(self.layout.closed)] = whole[-width:]
             free[: first.size] += last[first]
-        return free * (self.x_unit / self.action_unit)
+        return free * self.gradient_unit
 
     def constraint(self, x: Array) -> Array:
         """Return the weighted constraint rows w_k f(q_k, t_k), (rows,), in units of `row_unit`."""

@@ -81,7 +81,7 @@ class Factors:
     """
 
     def __init__(self, layout: MatrixLayout, nonzeros: Array, *, many: bool = False) -> None:
-        if not np.isfinite(nonzeros).all():
+        if not np.logical_and.reduce(np.isfinite(nonzeros)):
             raise np.linalg.LinAlgError("the matrix is not finite")
         if isinstance(layout, BorderedLayout) and not layout.border:
             layout = layout.inner

@@ -288,4 +288,4 @@ def is_roundoff(tr: Equations, z: Array, residual: Array) -> bool:
 
 def _size(step: Array) -> float:
     """Return the largest magnitude."""
-    return float(np.abs(step).max()) if step.size else 0.0
+    return float(np.maximum.reduce(np.abs(step))) if step.size else 0.0
