@@ -865,3 +865,17 @@ def test_where_no_inertia_is_found_along_an_obstacle_a_beam_is_no_minimum(monkey
 
     monkeypatch.setattr("actionopt.analysis.index.inertia_through", refuse)
     assert iterate._index_in_contact(None) == 1
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "action"),
+    [((0, 0), (None, None), 0), ((None, None), (0, 0), 6), ((0, 0), (0, None), 1.5)],
+)
+def test_a_solution_that_gives_other_velocities_is_a_guess(before, now, action):
+    spline = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"])
+
+    def ask(v0, v1):
+        return ao.Problem(spline, ao.Event(0, [0], v=[v0]), ao.Event(1, [1], v=[v1]))
+
+    found = ao.solve(ask(*now), guess=ao.solve(ask(*before)))
+    assert found.action == pytest.approx(action, abs=1e-12)

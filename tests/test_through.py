@@ -785,3 +785,29 @@ def test_legs_of_a_first_path_are_relaxed_where_an_integral_is_given():
     t, tau = times[1] / 3, times[1]
     exact = (0.2 * np.sin(tau - t) - 0.7 * np.sin(t)) / np.sin(tau)
     assert relax_legs(problem, path, times)(t)[0] == pytest.approx(exact, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("before", "now"),
+    [
+        ([ao.Event(0.4, [1.0])], []),
+        ([], [ao.Event(0.5, [2.0])]),  # where an element of the guess ends
+        ([ao.Event(0.4, [1.0])], [ao.Event(0.5, [1.0])]),
+        ([ao.Event(0.4, [1.0]), ao.Event(0.8, [0.0])], [ao.Event(0.4, [1.0])]),
+    ],
+)
+def test_a_solution_through_other_events_is_a_guess(before, now):
+    ends = (ao.Event(0, [0.0]), ao.Event(1, [1.0]))
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    near = ao.solve(ao.Problem(system, *ends, through=before))
+    found = ao.solve(ao.Problem(system, *ends, through=now), guess=near)
+    t, x = np.array([[e.t, e.q[0]] for e in (ends[0], *now, ends[1])]).T
+    assert found.action == pytest.approx(np.sum(np.diff(x) ** 2 / np.diff(t)) / 2, rel=1e-12)
+    np.testing.assert_allclose(found(t)[0], x, atol=1e-12)
+
+
+def test_a_solution_that_gives_other_coordinates_of_an_event_is_a_guess():
+    ends = (ao.Event(0, [0, 0]), ao.Event(1, [1, 1]))
+    near = ao.solve(ao.Problem(FREE, *ends, through=[ao.Event(0.5, [1, None])]))
+    other = ao.Problem(FREE, *ends, through=[ao.Event(0.5, [None, 1])])
+    np.testing.assert_allclose(ao.solve(other, guess=near)(0.5), [0.5, 1], atol=1e-12)

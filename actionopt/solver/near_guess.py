@@ -12,6 +12,7 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import Resolution, cheapest_mesh, resolution
+from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS, LINEAR
 from actionopt.solver.iterate import sizes
 from actionopt.solver.search import REACHED, Search
@@ -34,8 +35,7 @@ def follow_neighbour(search: Search, neighbour: Solution) -> Status:
     """Follow a path of the system as its ends move to these, where nothing else differs."""
     ws, problem, old = search.ws, search.ws.problem, neighbour.problem
     same = (
-        (old.start.t, old.end.t) == (problem.start.t, problem.end.t)
-        and (old.start.pinned, old.end.pinned) == (problem.start.pinned, problem.end.pinned)
+        _given(old) == _given(problem)
         and old.advance is None is problem.advance
         and search.given in (None, neighbour.mesh)
     )
@@ -44,6 +44,12 @@ def follow_neighbour(search: Search, neighbour: Solution) -> Status:
         return Status.NOT_FOUND
     near = (not ws.astray and ws.follow()) or ws.approach(PATIENT)
     return search.refine() if near else Status.NOT_FOUND
+
+
+def _given(problem: Problem) -> list[tuple[float | None, tuple[int, ...]]]:
+    """Return the time of each event, and which coordinates and derivatives are given there."""
+    events, order = (problem.start, *problem.through, problem.end), problem.system.order
+    return [(event.t, event.pinned_places(order)) for event in events]
 
 
 def follow_expected(search: Search, expected: Solution, curve_of: Callable[[Mesh], Path]) -> Status:
