@@ -543,6 +543,7 @@ def test_symmetries_conserve_what_they_do_in_any_order():
     turn = ao.noether(RING, lambda q, t: [-q[1], q[0]])
     (x, y), (u, w), p = path(t), path.velocity(t), path.momentum(t)
     known = x * p[1] - y * p[0] + u * p[3] - w * p[2]
+    assert path.derivatives([]).shape == (*path.derivatives(0.5).shape, 0)
     q, v, *higher = path.derivatives(t)
     np.testing.assert_allclose(turn(q, v, t, higher=higher), known, atol=1e-9)
     np.testing.assert_allclose(higher[0], path.acceleration(t), atol=1e-7)

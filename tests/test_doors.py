@@ -383,3 +383,12 @@ def test_a_solution_is_a_dataset():
     assert float(data.multipliers.sel(t=0.5)[0]) == held.multipliers(0.5)[0]
     assert data.attrs["action"] == held.action and data.attrs["status"] == "SOLVED"
     assert held.to_xarray().t.size == held.mesh.nodes.size
+
+
+@pytest.mark.parametrize(("names", "twice"), [(["x", "v_x"], "v_x"), (["x", "energy"], "energy")])
+def test_no_column_of_a_table_takes_the_place_of_another(names, twice):
+    pytest.importorskip("pandas")
+    system = ao.System(lambda q, v, t: v @ v / 2, names)
+    path = ao.solve(ao.Problem(system, ao.Event(0, [0, 5]), ao.Event(1, [1, 7])))
+    with pytest.raises(ValueError, match=f"found '{twice}' for both"):
+        path.to_dataframe()

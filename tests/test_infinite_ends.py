@@ -503,3 +503,9 @@ def test_a_path_nowhere_near_rest_is_followed_by_itself_alone(monkeypatch):
     assert not found.success
     first, *others = (choices.strategies == GUESS_ONLY for choices in asked)
     assert not first and others and all(others)
+
+
+def test_a_path_from_a_later_time_is_a_guess():
+    ask = lambda t: ao.Problem(KINK, ao.Event(t, [0.2]), ao.Event(INF, [1.0]))  # noqa: E731
+    known = ao.solve(ask(0.0))
+    assert ao.solve(ask(-0.5), guess=known).action == pytest.approx(known.action, rel=1e-9)

@@ -617,3 +617,9 @@ def test_what_is_not_known_with_multipliers_that_change_is_refused():
     with pytest.raises(ValueError, match="found one: a fan is not known with multipliers"):
         check_free(problem, "a fan")
     check_free(ao.Problem(systems.particle(), ao.Event(0, [0.0]), ao.Event(1, [0.0])), "a fan")
+
+
+def test_what_a_rope_conserves_is_that_of_its_problem():
+    rope = ao.solve(ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0.3]), integral=3.0))
+    with pytest.raises(ValueError, match=r"solution\.problem\.system"):
+        ao.noether(ROPE, [0.0], time=1).drift(rope)

@@ -187,8 +187,9 @@ class CanonicalPath:
 
     def derivatives(self, t: Array) -> Array:
         """Return (q, v, a, ...) at times t (K,), (2 order n, K)."""
-        below, rates = (x.reshape(self.at.tr.order, -1, t.size) for x in self._states(t))
-        return np.stack([below, rates], axis=1).reshape(-1, t.size)
+        r, n = self.at.tr.order, self.at.problem.system.n
+        below, rates = (x.reshape(r, n, t.size) for x in self._states(t))
+        return np.stack([below, rates], axis=1).reshape(2 * r * n, t.size)
 
     @cached_property
     def _momenta(self) -> Path:
@@ -213,19 +214,20 @@ class CanonicalPath:
         known, wanted = np.array(y).transpose(2, 0, 1), self._momenta(flat).T  # (K, 2 r, n)
         function, last = momenta_of(system), np.inf
         for _ in range(MOMENTA_STEPS):
-            Y, W = (known[:, k::2].reshape(flat.size, -1) for k in (0, 1))
+            Y, W = (known[:, k::2].reshape(flat.size, r * n) for k in (0, 1))
             p, by = function(Y, W, flat[:, None], self.at.problem.packed)
             by = by.reshape(flat.size, r * n, r * n).transpose(0, 2, 1)
             step = np.linalg.solve(by, (wanted - p)[:, :, None])[:, :, 0].reshape(flat.size, r, n)
             known[:, r:] += step
-            size = float((np.abs(step) / (np.abs(known[:, r:]).max() or 1.0)).max(initial=0.0))
+            size = float(
+                (np.abs(step) / (np.abs(known[:, r:]).max(initial=0.0) or 1.0)).max(initial=0.0)
+            )
             if size < EPS or size >= last / 2:
                 break
             last = size
         shape = r * n, *times.shape
-        return known[:, 0::2].reshape(flat.size, -1).T.reshape(shape), known[:, 1::2].reshape(
-            flat.size, -1
-        ).T.reshape(shape)
+        Y, W = (known[:, k::2].reshape(flat.size, r * n).T.reshape(shape) for k in (0, 1))
+        return Y, W
 
 
 def _roughness(at: DiscretePath) -> float:

@@ -465,7 +465,8 @@ class Solution:
         from actionopt.analysis.ostrogradsky import CanonicalPath
 
         found = self._along_legs(lambda at: CanonicalPath(at, 0.0).derivatives, t)
-        return found.reshape(-1, self.problem.system.n, *found.shape[1:])
+        system = self.problem.system
+        return found.reshape(2 * system.order, system.n, *found.shape[1:])
 
     def _along_legs(
         self, curve: Callable[[DiscretePath], Callable[[Array], Array]], t: ArrayLike

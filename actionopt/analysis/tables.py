@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -50,11 +51,16 @@ def frame(solution: Any, t: ArrayLike | None) -> Any:
         ) from error
 
     times, names = _times(solution, t), solution.problem.system.coordinates
-    columns = dict(zip(names, solution(times), strict=True))
+    columns = list(zip(names, solution(times), strict=True))
     for name, rows in _by_name(solution, times).items():
-        columns |= {f"{name}_{x}": row for x, row in zip(names, rows, strict=True)}
-    columns["energy"] = solution.energy(times)
-    return pandas.DataFrame(columns, index=pandas.Index(times, name="t"))
+        columns += [(f"{name}_{x}", row) for x, row in zip(names, rows, strict=True)]
+    columns.append(("energy", solution.energy(times)))
+    if twice := [name for name, many in Counter(name for name, _ in columns).items() if many > 1]:
+        raise ValueError(
+            f"expected coordinates of other names than the columns beside them, found {twice[0]!r} "
+            "for both; name it otherwise, or take to_xarray(), where they lie apart"
+        )
+    return pandas.DataFrame(dict(columns), index=pandas.Index(times, name="t"))
 
 
 def _by_name(solution: Any, times: Array) -> dict[str, Array]:

@@ -43,7 +43,7 @@ from actionopt.mechanics.identity import (
 )
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System, check_system
-from actionopt.mechanics.tracing import call, column
+from actionopt.mechanics.tracing import MULTIPLIERS, call, column
 from actionopt.tools.checks import numbers, whole
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
@@ -121,6 +121,11 @@ class Conserved:
         if not hasattr(solution, "problem") or not callable(solution):
             raise ValueError(f"expected a Solution along which to look, found {solution!r}")
         problem, count = solution.problem, whole(count, "the number of times", 1)
+        if MULTIPLIERS in problem.parameters and MULTIPLIERS not in self.system.table.shapes:
+            raise ValueError(
+                "expected what a path of given integrals conserves, found what it does without "
+                "them; ask for that of solution.problem.system, whose L contains their multipliers"
+            )
         t = np.linspace(problem.start.t, problem.end.t, count)
         terms = self._each(solution.derivatives(t), t, problem.parameters)
         size = float(np.max(np.sum(np.abs(terms), axis=1)))

@@ -35,7 +35,7 @@ def follow_neighbour(search: Search, neighbour: Solution) -> Status:
     """Follow a path of the system as its ends move to these, where nothing else differs."""
     ws, problem, old = search.ws, search.ws.problem, neighbour.problem
     same = (
-        _given(old) == _given(problem)
+        _pins(old) == _pins(problem)
         and old.advance is None is problem.advance
         and search.given in (None, neighbour.mesh)
     )
@@ -46,7 +46,7 @@ def follow_neighbour(search: Search, neighbour: Solution) -> Status:
     return search.refine() if near else Status.NOT_FOUND
 
 
-def _given(problem: Problem) -> list[tuple[float | None, tuple[int, ...]]]:
+def _pins(problem: Problem) -> list[tuple[float | None, tuple[int, ...]]]:
     """Return the time of each event, and which coordinates and derivatives are given there."""
     events, order = (problem.start, *problem.through, problem.end), problem.system.order
     return [(event.t, event.pinned_places(order)) for event in events]

@@ -438,7 +438,9 @@ def _curve(whole: Problem, guess: Any) -> tuple[Any, Mesh | None]:
     Outside its mesh the guess is extended by its end values.
     """
     if isinstance(guess, Solution) and guess.problem.has_tails:
-        return guess, guess.mesh
+        (low, *_, high), old = guess.mesh.boundaries, guess.problem
+        low, high = -np.inf if old.start.side else low, np.inf if old.end.side else high
+        return (lambda t: guess(np.clip(t, low, high))), guess.mesh
     path = guess.path if isinstance(guess, Solution) else guess
     if isinstance(path, Path):
         if path.values.shape[0] != whole.system.n:

@@ -102,7 +102,12 @@ def numbers(value: object, what: str) -> np.ndarray:
 
 
 def _check_bare(value: Any, what: str) -> None:
-    """Raise ValueError for what says more than numbers: units, or labels (pandas, xarray, pint)."""
+    """Raise ValueError for what says more than numbers: units, labels (pandas, ...), or masks."""
+    masked = getattr(value, "mask", None) if isinstance(value, np.ndarray) else None
+    if masked is not None and np.any(masked):
+        raise ValueError(
+            f"expected numbers for {what}, found {value!r}: what is masked is none; give the others"
+        )
     if isinstance(value, PLAIN_TYPES):
         return
     if hasattr(value, "magnitude") or hasattr(value, "unit"):
