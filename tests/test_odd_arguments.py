@@ -175,7 +175,7 @@ EVENT_PARTS = ("of_places", "places", "pinned_places")
 # Methods that the rooms call on each other's objects, and users do not.
 INTERNAL = {
     *("Problem.active", "Problem.found_at", "Problem.in_force", "Problem.packed_of"),
-    *("System.assemble", "System.laws_of"),
+    *("System.assemble", "System.laws_of", "System.of_laws"),
     *(f"{kind}.{name}" for kind in ("Event", "Periodic") for name in EVENT_PARTS),
     *("Mesh.cut", "Mesh.over", "Path.carried_on", "Periodic.after", "Problem.closed_from"),
     *("Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
