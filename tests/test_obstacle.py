@@ -159,6 +159,23 @@ def test_a_string_round_flat_sides(p, A, B):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("far", [1.0, 2.0])
+def test_ways_round_a_ball_between_opposite_sides_are_a_family(far):
+    A, R = np.array([-1.0, 0.0, 0.1]), 0.5
+    B = -far * A
+    system = body(lambda q: q @ q - R**2, names="xyz")
+    found = ao.solve(ao.Problem(system, ao.Event(0, A), ao.Event(1, B)), tol=1e-6, throw=False)
+    assert (found.status, found.inertia.nullity) == (Status.DEGENERATE, 1)
+    a, b = np.linalg.norm(A), np.linalg.norm(B)
+    lines = np.sqrt(a**2 - R**2), np.sqrt(b**2 - R**2)
+    length = sum(lines) + R * (np.pi - np.arccos(R / a) - np.arccos(R / b))
+    assert found.action == pytest.approx(length**2 / 2, rel=1e-9)
+    (arc,) = found.contacts
+    known = lines[0] / length, 1 - lines[1] / length
+    assert (arc.begin, arc.end) == pytest.approx(known, abs=1e-7)
+
+
+@pytest.mark.long
 def test_no_number_overflows_where_a_point_of_a_flat_side_is_sought():
     system = body(lambda q: np.sum(q**8) - 1, names="xyz")
     problem = ao.Problem(system, ao.Event(0, (-2, 0.2, 0.1)), ao.Event(1, (2, 0, -0.1)))

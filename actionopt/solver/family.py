@@ -58,6 +58,14 @@ def may_be_family(ws: Workspace, status: Status) -> bool:
     return not 0 < grown < NEAR_SINGULAR
 
 
+def is_soft(here: Iterate) -> bool:
+    """Whether the action hardly bends in some direction at a path, as at one of a family."""
+    try:
+        return not here.with_probed(many=False).growth < NEAR_SINGULAR
+    except np.linalg.LinAlgError:
+        return True
+
+
 def is_alone(problem: Problem) -> bool:
     """Whether closed paths are no family: those of one coordinate, whose energy tells their size.
 

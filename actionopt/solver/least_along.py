@@ -27,6 +27,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.family import is_soft
 from actionopt.solver.first_contacts import (
     NO_ROOM,
     contact_parts,
@@ -432,7 +433,7 @@ def refine_contact(
             if other is None:
                 if not ws.as_given():
                     ws.hint = ws.why()
-                    return Status.NOT_FOUND
+                    return Status.DEGENERATE if is_soft(ws.here) else Status.NOT_FOUND
                 status = refine(ws, tol, least=True)
                 resolved = True
                 other = ws.next_contacts(allowed) if status.success else None

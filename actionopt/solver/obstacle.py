@@ -225,13 +225,20 @@ class Along(Workspace[Iterate]):
         self.transcribe(mesh, there, lam, like=path)
 
     def as_given(self) -> bool:
-        """Follow the path with the obstacle's own rows, which are zero where those sought are."""
+        """Follow the path with the obstacle's own rows, which are zero where those sought are.
+
+        False if it is lost: then it stays where it was.
+        """
         held, old = self.contact_problem, self.here
         if not held.sought:
             return True
         self.problem, self.units = Held(self.question, held.arcs), None
         self.transcribe(old.mesh, old.path, self._convert_multipliers(old, old.path), like=old.path)
-        return self.follow()
+        there = replace(self.here, noise=old.noise, error=old.error)
+        if self.follow():
+            return True
+        self.here = there
+        return False
 
     def _convert_multipliers(self, old: DiscretePath, path: Path) -> Array | None:
         """Return multipliers (K, m + r) that press as those of another form of the rows do."""
