@@ -130,10 +130,21 @@ def test_sheets_that_hang_together_round_a_cusp_are_two():
 
 def test_the_action_tells_a_leap_among_momenta_that_change_as_much():
     x = np.linspace(0, 4, 41)
-    assert not leaps(-np.cos(3 * x), 3 * np.sin(3 * x), x, 0).any()
+    assert not (leaps(-np.cos(3 * x), 3 * np.sin(3 * x), x, 0) > 1).any()
     up = x > 1.95
     S, p = np.where(up, -np.cos(3 * x), 0.4 + x**2), np.where(up, 3 * np.sin(3 * x), 2 * x)
-    assert np.flatnonzero(leaps(S, p, x, 0)).tolist() == [19]
+    assert np.flatnonzero(leaps(S, p, x, 0) > 1).tolist() == [19]
+
+
+def test_momenta_that_change_steeply_are_no_break_where_the_action_changes_as_they_tell():
+    """Of S' = tanh(t / w), met by two steps on either side of zero; of two sheets it is told."""
+    t, w = np.arange(-7.0, 8.0, 2.0), 0.7
+    S, p = w * np.logaddexp(t / w, -t / w), np.tanh(t / w)
+    told, all_solved = np.stack([p, t / 20], axis=-1), np.ones(t.size, bool)
+    assert sheets(all_solved, None, told).max() == 1
+    assert not sheets(all_solved, None, told, [leaps(S, p, t, 0)]).any()
+    S = np.where(t > 0, S + 3, S)
+    assert sheets(all_solved, None, told, [leaps(S, p, t, 0)]).max() == 1
 
 
 @pytest.mark.long
@@ -160,6 +171,6 @@ def test_slopes_tell_a_leap_where_momenta_leap_everywhere(name, values):
     ]
     momenta = np.where(in_turn[:, None], right.momenta[..., 0], left.momenta[..., 0])
     assert not sheets(ALL[0, : values.size], None, momenta).any()
-    assert leaps(*mixed, values, 0).all()
+    assert (leaps(*mixed, values, 0) > 1).all()
     for found in (right, left):
-        assert not leaps(found.action, found.slopes[:, 0], values, 0).any()
+        assert not (leaps(found.action, found.slopes[:, 0], values, 0) > 1).any()

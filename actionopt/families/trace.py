@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from actionopt.discrete.crossing import Jump, find_imbalance, first_crossing
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.factors import Factors
+from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.families.branch import INTERRUPTED, Trace
@@ -48,6 +50,7 @@ from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import Progress, TimeUp, check_progress, check_time, time_limit
 
 Vary = Name | Callable[[float], Problem]
+Finer = tuple[Mesh, Array]  # elements, and units of the coordinates
 
 # Ad hoc, where nothing else is said. Steps are of arclength, the range of values as the unit.
 CONTACT_STEP, CONTACT_CHANGE = 0.01, 0.1  # over a change of contact, and of a path there
@@ -157,6 +160,15 @@ def trace(
     return run.result()
 
 
+class _Passed(NamedTuple):
+    """What is kept of a point: beside it equations, their layouts and matrices take megabytes."""
+
+    s: float
+    action: float
+    index: int
+    path: Path
+
+
 class _Uncounted(Exception):
     """There is no index to count at a point, with the reason and what to try."""
 
@@ -197,8 +209,8 @@ class _TraceRun:
     counting: bool
     family: Callable[[float], Problem] = field(init=False)
     branch: Branch = field(init=False)
-    points: list[BranchPoint] = field(default_factory=list)
-    indices: list[int] = field(default_factory=list)
+    here: BranchPoint = field(init=False)  # the last point
+    points: list[_Passed] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
     sizes: Array = field(init=False)
     pole_size: float = field(init=False)
@@ -213,35 +225,37 @@ class _TraceRun:
 
     def begin(self, solution: Solution) -> None:
         """Start from a solution."""
-        at, problem = solution.discrete, solution.problem
+        problem = solution.problem
         self._keep_window(problem)
-        self.sizes = at.tr.lengths
+        self.sizes = solution.discrete.tr.lengths
         linear = problem.system.structure.linear
         self.pole_size = POLE_SIZE if linear else max(POLE_SIZE, self.tol ** (-2 / 3))
-        sign = np.sign(self.goal - self.origin)
-        self._set(at.problem, at.path, at.rows, at.tr.lengths, self.origin, sign)
+        self._set(solution.discrete, self.origin, self.goal - self.origin)
 
     def _keep_window(self, like: Problem) -> None:
         """Have the window of a problem in all of the family, if it has one."""
         self.family = partial(_within, self.asked, like) if like.has_tails else self.asked
 
-    def _set(
-        self,
-        known: Problem,
-        path: Path,
-        rows: Array | None,
-        lengths: Array,
-        s: float,
-        sign: float,
-    ) -> None:
-        """Begin a branch at a path at s, multipliers `rows` (K, m), towards the sign of ds.
+    def _set(self, at: DiscretePath, s: float, way: float, finer: Finer | None = None) -> None:
+        """Begin a branch at a path at s, on which s goes the `way` of this sign.
 
-        `known` is its problem with what was found.
+        Or go on with that of the last point, on a finer mesh and in other units of the coordinates.
         """
-        ahead = s, self.goal - self.origin, sign
-        self.branch, first = Branch.begin(self.family, known, path, rows, lengths, ahead)
-        self.counted = None
-        self._append(first)
+        path, rows, lengths = at.path, at.rows, at.tr.lengths
+        if finer is not None:
+            mesh, lengths = finer
+            path, rows = path.on(mesh), at.rows_on(mesh)
+        ahead = s, self.goal - self.origin, float(np.sign(way))
+        self.branch, first = Branch.begin(self.family, at.problem, path, rows, lengths, ahead)
+        if finer is None:
+            self.counted = None
+            self._append(first, self._index(first))
+        else:
+            self._append(first, self.points.pop().index)
+
+    def _append(self, point: BranchPoint, index: int) -> None:
+        self.here = point
+        self.points.append(_Passed(point.s, point.at.action, index, point.path))
 
     def end(self, why: str) -> None:
         """Say why it ended at the last point, short of the goal."""
@@ -250,9 +264,10 @@ class _TraceRun:
     def go(self, steps: int, progress: Progress | None) -> None:
         """Step along the branch until it leaves the interval."""
 
-        def report(there: BranchPoint, index: int) -> None:
+        def report() -> None:
             if progress is not None:
-                at = {"value": there.s, "action": self._action(there), "index": index}
+                s, action, index, _ = self.points[-1]
+                at = {"value": s, "action": action, "index": index}
                 progress("trace", len(self.points), steps, at)
 
         length = FIRST_STEP
@@ -262,9 +277,9 @@ class _TraceRun:
         if not self.stopped:
             self.end(f"the {steps} steps were used up; give more (steps=), or trace on from there")
 
-    def _advance(self, length: float, report: Callable[[BranchPoint, int], None]) -> float:
+    def _advance(self, length: float, report: Callable[[], None]) -> float:
         """Take a step of about this length, or end the trace; return the length of the next one."""
-        here = self.points[-1]
+        here = self.here
         taken = self._try(here, length)
         if taken is None:
             if length / 2 < SHORTEST_CONTACT and self._resume(here, here.s + self._ahead(here)):
@@ -294,9 +309,8 @@ class _TraceRun:
         if marks is None:
             return length / 2
         self.marks += marks
-        self.points.append(there)
-        self.indices.append(index)
-        report(there, index)
+        self._append(there, index)
+        report()
         if beyond is not None:
             if self._misses(there) or self._drifts(there) or self._is_cut_off(there):
                 self._refine()
@@ -369,11 +383,6 @@ class _TraceRun:
 
     # -- what there is at a point ---------------------------------------------------------------
 
-    def _append(self, point: BranchPoint) -> None:
-        index = self._index(point)
-        self.points.append(point)
-        self.indices.append(index)
-
     def _index(self, point: BranchPoint, *, last: bool = False) -> int:
         """Return the index; -1 where none is wanted. Raises _Uncounted where there is none.
 
@@ -445,10 +454,8 @@ class _TraceRun:
         found = self._solution_near(here, s)
         if found is None:
             return False
-        at = found.discrete
         self.solves += self.branch.solves
-        sign = float(np.sign(here.direction[-1]))
-        self._set(at.problem, at.path, at.rows, at.tr.lengths, s, sign)
+        self._set(found.discrete, s, here.direction[-1])
         return True
 
     def _solution_near(self, near: BranchPoint, s: float | None = None) -> Solution | None:
@@ -480,9 +487,6 @@ class _TraceRun:
             return None
         return off
 
-    def _action(self, point: BranchPoint) -> float:
-        return point.at.action
-
     def _refine(self) -> None:
         """Go on with a finer mesh, or larger units, where the last point asks for it."""
         for _ in range(ROUNDS):
@@ -491,7 +495,7 @@ class _TraceRun:
 
     def _refine_once(self) -> bool:
         """Whether the last point asked for a finer mesh or larger units, and has them."""
-        point = self.points[-1]
+        point = self.here
         if self._is_cut_off(point):
             return self._widen_window(point)
         tr, Q = point.at.tr, point.at.Q
@@ -502,21 +506,17 @@ class _TraceRun:
         if mesh is None and self._drifts(point):
             found = self._solution_near(point)
             if found is None:
-                del self.points[-1], self.indices[-1]
+                del self.points[-1]
                 self.end(f"the path at {point.s:.6g} is not resolved, as its energy tells")
                 return False
             mesh = found.mesh
         if mesh is None and not np.any(sizes > GROWN_UNITS * tr.lengths):
             return False
         self.meshes += mesh is not None
-        mesh = mesh or tr.mesh
         self.solves += self.branch.solves
-        rows = point.at.rows_on(mesh)
         lengths = np.where(sizes > 1e-12 * np.max(sizes), sizes, tr.lengths)
-        sign = np.sign(point.direction[-1])
-        del self.points[-1], self.indices[-1]
-        self._set(point.at.problem, point.path.on(mesh), rows, lengths, point.s, sign)
-        return mesh is not tr.mesh
+        self._set(point.at, point.s, point.direction[-1], (mesh or tr.mesh, lengths))
+        return mesh is not None
 
     def _is_cut_off(self, point: BranchPoint) -> bool:
         """Whether what the edges of a window leave out moves the path by more than `tol`."""
@@ -532,15 +532,13 @@ class _TraceRun:
     def _widen_window(self, point: BranchPoint) -> bool:
         """Go on in the window of what `solve` finds there; end the trace where it finds nothing."""
         found = self._solution_near(point)
-        del self.points[-1], self.indices[-1]
+        del self.points[-1]
         if found is None:
             self.end(f"no path leads on to rest at {point.s:.6g}")
             return False
-        at = found.discrete
         self.solves += self.branch.solves
         self._keep_window(found.problem)
-        sign = np.sign(point.direction[-1])
-        self._set(at.problem, at.path, at.rows, at.tr.lengths, point.s, sign)
+        self._set(found.discrete, point.s, point.direction[-1])
         return True
 
     def _misses(self, point: BranchPoint) -> bool:
@@ -572,7 +570,7 @@ class _TraceRun:
 
     def _marks(self, here: BranchPoint, there: BranchPoint, after: int) -> list[Mark] | None:
         """Return what changes between two points; None if a shorter step is to tell."""
-        before, step = self.indices[-1], Step.between(self.branch, here, there)
+        before, step = self.points[-1].index, Step.between(self.branch, here, there)
         short, changes = step.length < SHORTEST_TOLD, abs(after - before)
         if not short and (step.hides_folds or (self.counting and step.turns and changes != 1)):
             return None
@@ -630,11 +628,12 @@ class _TraceRun:
 
     def result(self) -> Trace:
         """Return what is known so far."""
+        values, actions, indices, paths = zip(*self.points, strict=True)
         return Trace(
-            np.array([p.s for p in self.points]),
-            np.array([self._action(p) for p in self.points]),
-            np.array(self.indices),
-            tuple(p.path for p in self.points),
+            np.array(values),
+            np.array(actions),
+            np.array(indices),
+            paths,
             tuple(self.marks),
             self.stopped,
             self.family,
