@@ -294,13 +294,27 @@ def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatc
     assert f"; {counts}: runs.retry())" in repr(runs)
 
 
-@pytest.mark.parametrize("over", [{}, {"g": [5.0]}], ids=["one by one", "together"])
-def test_a_map_stays_with_its_kind_of_path_past_half_a_period(over):
+@pytest.mark.parametrize(
+    ("over", "more"),
+    [
+        ({}, {}),
+        ({"g": [5.0]}, {}),
+        pytest.param({}, {"through": [Event(None, [0.1])]}, marks=pytest.mark.long),
+    ],
+    ids=["one by one", "together", "with a time to be found"],
+)
+def test_a_map_stays_with_its_kind_of_path_past_half_a_period(over, more):
     """There the path that goes on moves ever faster, and Newton's method leads to a saddle."""
-    problem = PENDULUM.replace(parameters={"g": 5.0})
+    problem = PENDULUM.replace(parameters={"g": 5.0}, **more)
     runs = ao.sweep(problem, {**over, "t1": np.linspace(0.4, 2.2, 7)}, record="index")
-    assert (runs.index == 0).all()
+    assert (runs.index == 0).all() and not runs.branch.any()
     assert (np.diff(runs.momenta[..., 0, 0]) > 0).all()
+
+
+def test_a_sweep_of_a_law_with_accelerations():
+    spline = System(lambda q, v, a, t, *, k: k * a[0] ** 2 / 2, ["x"], parameters={"k": 1.0})
+    problem = Problem(spline, Event(0, [0], v=[0]), Event(1, [1], v=[0]))
+    assert ao.sweep(problem, {"k": [1.0, 2.0]}).action == pytest.approx([6.0, 12.0])
 
 
 def test_a_parameter_may_be_called_as_an_array_is(tmp_path):

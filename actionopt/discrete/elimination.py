@@ -89,7 +89,7 @@ def couplings(system: System) -> tuple[list[int], list[int]]:
     n, pointwise = system.n, system.pointwise("second")
     beside = np.eye(n, dtype=bool)
     for k in range(3):
-        rows, cols = pointwise.sparsity(k)
+        rows, cols = (x % n for x in pointwise.sparsity(k))  # of q and v where L contains a
         beside[rows, cols] = beside[cols, rows] = True
     last = np.maximum.accumulate(n - 1 - np.argmax(beside[:, ::-1], axis=1))
     return np.searchsorted(last, np.arange(n)).tolist(), last.tolist()

@@ -22,6 +22,7 @@ from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, lead_to, slope_along, with_values
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import refuse_rest, solve_near
+from actionopt.solver.window import with_window_of
 from actionopt.tools.types import Array, NDInt
 
 Values = Mapping[Name, float]
@@ -94,6 +95,8 @@ def disagree(rise: Array, before: Array, after: Array, part: float) -> NDInt:
 def _goes_on(near: Solution, ends: tuple[Values, Values], found: Solution, expected: Path) -> bool:
     """Whether a path is near enough to where it was expected, or else tells that it goes on."""
     nodes = expected.mesh.nodes
+    if not found.problem.has_tails:  # whose windows are parts of one time
+        nodes = expected.mesh.moved(*found.mesh.boundaries[[0, -1]].tolist()).nodes
     size = np.abs(expected.values).max(axis=1)
     moved = np.abs(found(nodes) - expected.values).max(axis=1) / np.where(size > 0, size, 1.0)
     if moved.max() <= AS_EXPECTED:
@@ -146,4 +149,5 @@ def _follow(near: Solution, start: Values, end: Values) -> _Branch:
 def _between(problem: Problem, start: Values, end: Values, part: float) -> Problem:
     """Return the problem at values a part of the way from some to others."""
     values = {name: (1 - part) * start[name] + part * end[name] for name in end}
-    return with_values(problem, values)
+    there = with_values(problem, values)
+    return with_window_of(there, problem) if problem.has_tails else there

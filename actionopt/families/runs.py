@@ -253,12 +253,14 @@ class Runs:
     def branch(self) -> NDInt:
         """Labels from 0 of what hangs together, -1 where a member failed: an array of int.
 
-        Neighbours are told apart where the index changes between them, or where the momenta at the
-        ends (and coordinates that are free there) change several times as much as around, or the
-        action otherwise than `slopes` say.
+        Neighbours are told apart where the index changes between them, or the action otherwise than
+        `slopes` say, or the momenta at the ends (and coordinates that are free there) several times
+        as much as around: eight times where `slopes` agree, four times where they tell nothing.
         """
-        told = [np.nan_to_num(self.momenta).reshape(*self.shape, -1)]
+        told = []
         for k, event in enumerate((self.problem.start, self.problem.end)):
+            if event.t is None or np.isfinite(event.t):  # else they are those of a window's edge
+                told.append(np.nan_to_num(self.momenta[..., k, :]))
             free = [i for i, x in enumerate(event.q) if x is None]
             told.append(self.ends[..., k, free])
         S, breaks = np.where(self.success, self.action, np.nan), []

@@ -100,7 +100,8 @@ def leaps(action: Array, slopes: Array, values: Array, axis: int) -> Array:
     around = _around(turn)
     beside = np.fmax(np.sqrt(around[1] * around[2]), _trend(around)) / 2
     known = S[np.isfinite(S)]
-    rounded = SMALLEST_CHANGE * (np.ptp(known) if known.size else 0.0)
+    size, spread = (np.abs(known).max(), np.ptp(known)) if known.size else (0.0, 0.0)
+    rounded = SMALLEST_CHANGE * max(spread, SMALLEST_CHANGE * size)
     allowed = np.abs(h) * (turn / 2 + beside) + rounded  # NaN: few members tell nothing
     off = np.abs(np.diff(S) - h * (p[..., 1:] + p[..., :-1]) / 2)
     with np.errstate(invalid="ignore", divide="ignore"):

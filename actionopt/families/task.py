@@ -13,9 +13,10 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.families.batch import solve_run
+from actionopt.families.continuation import continue_path
 from actionopt.families.members import refusal
 from actionopt.families.path_store import PackedPaths
-from actionopt.families.vary import Name, slope_along, with_values
+from actionopt.families.vary import Name, lead_to, slope_along, with_values
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, refuse_rest, solve
@@ -179,15 +180,20 @@ def one_by_one(
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths, begun = {}, {}, guess
+    rows = [{name: float(row[j]) for name, row in columns.items()} for j in range(k)]
+    last, at_first = None, None  # the member that was solved last, and its path
     for j in (*range(first, k), *range(first - 1, -1, -1)):
         if j == first - 1:  # the other way
-            guess = paths.get(int(members[first]), begun)
+            guess, last = paths.get(int(members[first]), begun), at_first
         if given and j in given:
-            guess = given[j]
+            guess, last = given[j], None
             continue
         try:
-            mine = with_values(problem, {name: float(row[j]) for name, row in columns.items()})
+            mine = with_values(problem, rows[j])
             found = refuse_rest(solve(mine, guess=guess, tol=tol, throw=False))
+            if last is not None and not mine.system.r:
+                ends, near = (rows[last[0]], rows[j]), last[1]
+                found = continue_path(near, ends, found, lead_to(near.path, mine), tol).found
             if not found.success and guess is not None:
                 found = refuse_rest(solve(mine, tol=tol, throw=False))
             slopes, number = slope_along(found, columns), -1
@@ -204,7 +210,9 @@ def one_by_one(
         if not found.success:
             continue
         paths[int(members[j])] = found.path
-        guess = found.path if lead else guess
+        if lead:
+            guess, last = found.path, (j, found)
+            at_first = last if j == first else at_first
         answers["action"][j], answers["error"][j] = found.action, found.error
         answers["momenta"][j] = np.stack(found.momenta)
         answers["slopes"][j] = slopes

@@ -200,7 +200,12 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
 
 
 def lead_to(path: Path, problem: Problem) -> Path:
-    """Return the path stretched over the times of a problem, and sheared to begin and end there."""
+    """Return the path stretched over the times of a problem, and sheared to begin and end there.
+
+    As it is where these are infinite.
+    """
+    if problem.is_infinite or problem.has_tails:
+        return path
     values, last = path.values, path.values[:, -1:]
     mesh = path.mesh.moved(*times_over(problem, path.mesh.duration))
     s = mesh.nodes_since / mesh.duration
