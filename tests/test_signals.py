@@ -102,7 +102,7 @@ class NearAndSpent(Strategy):
 
     def seek(self, ws):
         assert ws.approach(PATIENT)
-        ws.note_unpolished(ws.here)
+        ws._note_unpolished(ws.here)
         assert ws.unpolished is not None
         ws.transcribe(ws.here.mesh, None)  # goes on elsewhere
         ws.watch.most = -1.0
