@@ -623,3 +623,21 @@ def test_what_a_rope_conserves_is_that_of_its_problem():
     rope = ao.solve(ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0.3]), integral=3.0))
     with pytest.raises(ValueError, match=r"solution\.problem\.system"):
         ao.noether(ROPE, [0.0], time=1).drift(rope)
+
+
+@pytest.mark.parametrize(
+    ("other", "independent"),
+    [
+        (lambda q, v, t: 2 * q[0], False),
+        (lambda q, v, t: q[0] + v[0], False),
+        (lambda q, v, t: t * q[0], True),
+    ],
+)
+def test_multipliers_of_integrals_that_depend_on_one_another_are_not_determined(other, independent):
+    """int (v + q) dt differs from int q dt by what the events tell."""
+    laws = lambda q, v, t: np.stack([q[0], other(q, v, t)])  # noqa: E731
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x"], integral=laws)
+    values = (1.0, 0.6) if independent else (1.0, 2.0)
+    problem = ao.Problem(system, ao.Event(0, [0]), ao.Event(1, [1]), integral=values)
+    found = ao.solve(problem, throw=False)
+    assert found.status.name == ("SOLVED" if independent else "DEGENERATE")

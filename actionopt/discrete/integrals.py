@@ -9,7 +9,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.stretch import Stretch, by_joints
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.system import System
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
 
 def integrals(at: DiscretePath) -> tuple[Array, Array]:
@@ -20,6 +20,16 @@ def integrals(at: DiscretePath) -> tuple[Array, Array]:
     for i, slope in enumerate(slopes):
         slope[:] = tr.at_unknowns(tr.pull_back(by_q[:, i], by_v[:, i])) * tr.action_unit
     return tr.weight[:, 0] @ g, slopes
+
+
+def are_dependent(at: DiscretePath) -> bool:
+    """Whether integrals change together near a path, so that multipliers lose half their digits."""
+    slopes = integrals(at)[1]
+    if at.problem.free_time:
+        slopes = np.hstack([slopes, integrals_by_times(at)])
+    size = np.linalg.norm(slopes, axis=1, keepdims=True)
+    ratios = np.linalg.svd(slopes / np.where(size > 0, size, 1.0), compute_uv=False)
+    return bool(ratios[-1] < np.sqrt(EPS) * ratios[0])
 
 
 def integrals_by_times(at: DiscretePath) -> Array:

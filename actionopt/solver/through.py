@@ -23,6 +23,7 @@ from actionopt.discrete.borders import times_of
 from actionopt.discrete.boundaries import split
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.element import with_degrees
+from actionopt.discrete.integrals import are_dependent
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
@@ -229,6 +230,12 @@ def attempts(
         elif solution.success and (dimension := _family(run, solution)):
             why = (
                 f"to second order, the paths between the ends are a family of dimension {dimension}"
+            )
+            solution = replace(solution, status=Status.DEGENERATE)
+        elif solution.success and problem.integral is not None and are_dependent(solution.discrete):
+            why = (
+                "near this path the integrals depend on one another, so that their multipliers are "
+                "not determined: leave those out that others tell"
             )
             solution = replace(solution, status=Status.DEGENERATE)
         elif status is Status.UNRESOLVED and may_be_family(run, status):
