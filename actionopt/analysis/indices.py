@@ -32,8 +32,8 @@ def _count(stack: Stack, Q: Array, error: float) -> Array:
     shape = stack.shape
     second, C = stack.second(Q), len(stack.times)
     tolerance = np.full(C, np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST))
-    low = Factored(shape, stack.coefficients(second, -tolerance)).negative
-    factored = Factored(shape, stack.coefficients(second, tolerance))
+    low = Factored(shape, stack.coefficients(second, -tolerance), counted=True).negative
+    factored = Factored(shape, stack.coefficients(second, tolerance), counted=True)
     fields = factored.responses()[shape.rows].reshape(shape.P, -1)
     fields = np.abs(shape.rule.to_legendre @ fields).reshape(shape.P, -1, shape.E, C)
     size = np.abs(fields).max(axis=(0, 1))

@@ -111,24 +111,75 @@ def eliminate(M: Array, count: int, band: Band) -> Array:
     return inverse
 
 
-def forward(M: Array, inverse: Array, right: Array, band: Band) -> None:
-    """Eliminate in right-hand sides (f, ..., B) what `eliminate` did, in place: D y = right."""
-    count = len(inverse)
-    for r in range(len(band.first)):
-        above = slice(band.first[r], min(r, count))
-        right[r] -= np.einsum("ib,i...b->...b", M[above, r], right[above])
-        if r < count:
-            right[r] *= inverse[r]
+class Rows:
+    """The first rows of symmetric matrices (f, f, B), upper rows, eliminated one after the other.
+
+    Parameters
+    ----------
+    M : (f, f, B) array
+        In which it is done: what is left are the matrices of the other rows.
+    count : int
+        How many rows.
+    band : Band
+    """
+
+    def __init__(self, M: Array, count: int, band: Band) -> None:
+        self.M, self.band = M, band
+        self.inverse = eliminate(M, count, band)
+
+    def forward(self, right: Array) -> None:
+        """Eliminate in right-hand sides (f, ..., B), in place."""
+        count, band = len(self.inverse), self.band
+        for r in range(len(band.first)):
+            above = slice(band.first[r], min(r, count))
+            right[r] -= np.einsum("ib,i...b->...b", self.M[above, r], right[above])
+            if r < count:
+                right[r] *= self.inverse[r]
+
+    def backward(self, right: Array) -> None:
+        """Solve for the rows that were eliminated, in place, the others known."""
+        for r in range(len(self.inverse) - 1, -1, -1):
+            for k, here in enumerate(self.band.beyond[r]):
+                here = slice(here.start + 1, here.stop) if k == 0 else here
+                beyond = np.einsum("cb,c...b->...b", self.M[r, here], right[here])
+                beyond *= self.inverse[r]
+                right[r] -= beyond
 
 
-def backward(M: Array, inverse: Array, right: Array, band: Band) -> None:
-    """Solve L' x = y in place, (f, ..., B), for the rows that were eliminated, the others known."""
-    for r in range(len(inverse) - 1, -1, -1):
-        for k, here in enumerate(band.beyond[r]):
-            here = slice(here.start + 1, here.stop) if k == 0 else here
-            beyond = np.einsum("cb,c...b->...b", M[r, here], right[here])
-            beyond *= inverse[r]
-            right[r] -= beyond
+class Inverses:
+    """What `Rows` does, of a few matrices by their inverses: some calls for all rows.
+
+    Where one is singular nothing is known of any.
+    """
+
+    def __init__(self, M: Array, count: int) -> None:
+        whole = M.transpose(2, 0, 1)
+        upper = np.triu(whole[:, :count, :count])
+        inside = upper + np.triu(upper, 1).swapaxes(1, 2)
+        try:
+            self.inverse = np.linalg.inv(inside)
+        except np.linalg.LinAlgError:
+            self.inverse = np.full_like(inside, np.nan)
+        beside = whole[:, :count, count:]
+        self.response = self.inverse @ beside
+        whole[:, count:, count:] -= beside.swapaxes(1, 2) @ self.response
+
+    def forward(self, right: Array) -> None:
+        """Eliminate in right-hand sides (f, ..., B), in place."""
+        inside, rest = self._parts(right)
+        rest -= self.response.swapaxes(1, 2) @ inside
+        inside[...] = self.inverse @ inside
+
+    def backward(self, right: Array) -> None:
+        """Solve for the rows that were eliminated, in place, the others known."""
+        inside, rest = self._parts(right)
+        inside -= self.response @ rest
+
+    def _parts(self, right: Array) -> tuple[Array, Array]:
+        """Return the rows that are eliminated, and the others, matrix by matrix: views."""
+        count = self.inverse.shape[1]
+        whole = right.reshape(len(right), -1, right.shape[-1]).transpose(2, 0, 1)
+        return whole[:, :count], whole[:, count:]
 
 
 def invert(D: Array) -> tuple[Array, Array]:

@@ -20,9 +20,8 @@ import numpy as np
 
 from actionopt.discrete.elimination import (
     Band,
-    backward,
-    eliminate,
-    forward,
+    Inverses,
+    Rows,
     invert,
     multiply,
 )
@@ -35,7 +34,7 @@ from actionopt.discrete.energy_balance import (
     steps_between,
 )
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.second_quadrature import PANEL_COUNTS, departure, inverses
+from actionopt.discrete.second_quadrature import NO_DEPARTURE, PANEL_COUNTS, inverses
 from actionopt.mechanics.columns import Columns
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
@@ -54,6 +53,9 @@ WHOLE_MATRICES = 2**23  # numbers in the matrices with those that are never touc
 # links take as long either way, those of 10 links a tenth less together.
 FEWEST, UNKNOWNS_A_MEMBER, WORK = 12, 7, 3000
 MOST_AT_ONCE, LEAST_AT_ONCE = 256, 8  # members
+# Rows of all matrices up to which LAPACK inverts them faster than they are eliminated row by row.
+# Measured: 28 matrices of 26 rows, 8 of 210 with a band.
+FEW_ROWS = 700
 
 
 class StackShape:
@@ -345,7 +347,7 @@ class Stack:
         """Return coordinates and velocities at other points, (points, n, E, C) each."""
         shape = (len(values), *Q.shape[1:])
         q = (values @ Q.reshape(len(Q), -1)).reshape(shape)
-        return q, (slopes @ (Q - Q[:1]).reshape(len(Q), -1)).reshape(shape) / half
+        return q, (slopes @ ((Q - Q[:1]) / half).reshape(len(Q), -1)).reshape(shape)
 
     def samples(self, Q: Array) -> list[Samples]:
         """Return values at the points of another quadrature, by kinds of elements."""
@@ -366,12 +368,13 @@ class Stack:
         Where the forces lead between the nodes if `second` are given: see `second_quadrature`.
         """
         s, found = self.shape, -part
-        for which, rule, half, q, v, at, (force, momentum, *_) in samples:
+        for here in samples:
+            which, rule, (force, momentum, *_) = here.which, here.rule, here.values
             if second is not None:
                 inertia = self._inertia(second[2][(s.P - 1) // 2][:, which])
-                force, momentum = self._follow(rule, half, (q, v), at, (force, momentum), inertia)
-            work = rule.weighted_values @ force.reshape(len(q), -1)
-            work = work.reshape(s.P, *force.shape[1:]) * half
+                force, momentum = self._follow(here, inertia)
+            work = rule.weighted_values @ force.reshape(len(force), -1)
+            work = work.reshape(s.P, *force.shape[1:]) * here.half
             found[:, :, which] += work + _work(rule.weighted_slopes, momentum)
         return found
 
@@ -448,33 +451,40 @@ class Stack:
         known = s.system.pointwise("second").full(2, flat, symmetric=True)
         return known / np.outer(s.units, s.units)
 
-    def _follow(
-        self,
-        rule: Sampling,
-        half: Array,
-        here: tuple[Array, Array],
-        at: tuple[Array, Array],
-        known: tuple[Array, Array],
-        inertia: Array,
-    ) -> tuple[Array, Array]:
-        """Return forces and momenta as `second_quadrature` follows them: `known` on the path."""
-        shape = known[0].shape
-        points, n, count = shape[0], self.shape.n, half.size
+    def _follow(self, here: Samples, inertia: Array) -> tuple[Array, Array]:
+        """Return forces and momenta as `second_quadrature` follows them.
 
-        def rows(x: Array) -> Array:  # (E C, points, n)
-            return x.reshape(points, n, count).transpose(2, 0, 1)
+        As `departure` and what is around it do, with the points first.
+        """
+        rule, half, (force, momentum, *_) = here.rule, here.half, here.values
+        inverse, inertia = (
+            np.moveaxis(x, 0, 2).reshape(*x.shape[1:], *half.shape).copy()
+            for x in (inverses(inertia, self.shape.units), inertia)
+        )
+        gained, _ = rule.running(half * force)
+        gained -= momentum
+        v = _multiply(inverse, gained)
+        q, mean = rule.running(v)
+        mean /= 2
+        v -= mean
+        q -= (rule.nodes[:, None, None, None] + 1) * mean
 
-        def back(x: Array) -> Array:
-            return x.transpose(1, 2, 0).reshape(shape)
+        def still(points: slice) -> Array:
+            """Return where what departs at some points is round-off, (E, C)."""
+            size = _multiply(np.abs(inverse), np.abs(momentum[points]))
+            return (np.abs(v[points]) <= NO_DEPARTURE * size).all(axis=(0, 1))
 
-        force, momentum = (rows(x) for x in known)
-        inverse = inverses(inertia, self.shape.units)
-        q, v = departure(rule, half.reshape(-1, 1, 1), force, momentum, inverse)
-        known = known[0].copy(), known[1].copy()
-        force, momentum = self._evaluate("gradient", here[0] + back(q), here[1] + back(v), at)
-        momentum = momentum - back(v @ inertia)
-        good = (np.isfinite(force) & np.isfinite(momentum)).all(axis=(0, 1))
-        return np.where(good, force, known[0]), np.where(good, momentum, known[1])
+        if still(slice(1)).any():
+            moves = ~still(slice(None))
+            q, v = q * moves, v * moves
+        q *= half
+        q += here.q
+        moved = self._evaluate("gradient", q, here.v + v, here.at)
+        moved[1] -= _multiply(inertia, v)
+        if not np.isfinite(sum(x.sum() for x in moved)):  # nothing is known beyond the laws
+            good = np.isfinite(moved).all(axis=(0, 1, 2))
+            moved = [np.where(good, x, known) for x, known in zip(moved, here.values)]
+        return moved[0], moved[1]
 
     def _evaluate(self, name: str, q: Array, v: Array, at: tuple[Array, Array]) -> list[Array]:
         """Return a function's values at points (points, n, E, C), (points, numbers, E, C)."""
@@ -517,24 +527,34 @@ class Factored:
     coefficients : list of arrays
         As `Stack.coefficients` returns them, for C members. Memory is shared by all of one shape:
         another matrix takes the place of the last one.
+    counted : bool
+        Whether negative eigenvalues are counted.
 
     Attributes
     ----------
     largest : (C,) array
         The largest number on the diagonals.
     negative : (C,) array of int
-        Pivots that are negative, as many as eigenvalues.
+        Pivots that are negative, as many as eigenvalues, if they are `counted`.
     """
 
-    def __init__(self, shape: StackShape, coefficients: list[Array]) -> None:
+    def __init__(
+        self, shape: StackShape, coefficients: list[Array], *, counted: bool = False
+    ) -> None:
         s, n = shape, shape.n
         self.shape = shape
         self.M = M = s.matrix(coefficients[2].shape[2])
+        few = not counted and M.shape[2] * s.inner <= FEW_ROWS
+        if few:  # there are entries beyond the band, too
+            M[...] = 0.0
         s.assemble(M, coefficients)
         at = np.arange(s.places)
         self.largest = np.abs(M[at, at]).reshape(s.places * s.E, -1).max(axis=0)
-        self.inverse = eliminate(M, s.inner, s.band)
-        self.negative = (self.inverse.reshape(s.inner * s.E, -1) < 0).sum(axis=0)
+        self.inside = Inverses(M, s.inner) if few else Rows(M, s.inner, s.band)
+        self.negative = np.zeros(M.shape[2] // s.E, dtype=int)
+        if counted:
+            pivots = self.inside.inverse.reshape(s.inner * s.E, -1)
+            self.negative += (pivots < 0).sum(axis=0)
         # Nothing is beyond ends that are given.
         levels = range(0 if s.has_given_ends else s.E + 1)
         ends = M[s.inner :, s.inner :].reshape(2 * n, 2 * n, s.E, -1)
@@ -587,11 +607,11 @@ class Factored:
         """
         s = self.shape
         inner = right.reshape(*right.shape[:-2], -1)
-        forward(self.M, self.inverse, inner, s.band)
+        self.inside.forward(inner)
         ends = right[s.inner :]  # (2 n, ..., E, C)
         if s.has_given_ends:
             ends[...] = 0.0
-            backward(self.M, self.inverse, inner, s.band)
+            self.inside.backward(inner)
             return right
         if s.closed:
             joint = np.einsum("ijec,i...ec->j...c", self.fields, ends)
@@ -599,7 +619,7 @@ class Factored:
             ends += np.einsum("ijec,j...c->i...ec", self.fields, multiply(self.joint, joint))
         else:
             self._between(ends)
-        backward(self.M, self.inverse, inner, s.band)
+        self.inside.backward(inner)
         return right
 
     def _between(self, ends: Array) -> None:
@@ -628,8 +648,8 @@ class Factored:
         if s.has_given_ends:
             for rows, cols in s.band.beside:
                 found[rows, slice(cols.start - s.inner, cols.stop - s.inner)] = -self.M[rows, cols]
-            forward(self.M, self.inverse, found, s.band)
-        backward(self.M, self.inverse, found, s.band)
+            self.inside.forward(found)
+        self.inside.backward(found)
         return found
 
 
@@ -668,6 +688,11 @@ def _rows(P: int, n: int) -> NDInt:
     found[1:-1] = np.arange((P - 2) * n).reshape(n, P - 2).T
     found[[0, -1]] = (P - 2) * n + np.arange(2 * n).reshape(2, n)
     return found
+
+
+def _multiply(A: Array, x: Array) -> Array:
+    """Return the products of matrices (n, n, E, C) and x (points, n, E, C)."""
+    return np.einsum("ijec,pjec->piec", A, x)
 
 
 def _work(slopes: Array, momentum: Array) -> Array:

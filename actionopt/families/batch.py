@@ -449,7 +449,7 @@ class _Members:
         finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
         for there in (shape, shape.on(finer)):
             Q = path.on(there.mesh.moved(*self.times[i].tolist())).values.T[None]
-            found.append(self._follow(there, np.array([i]), Q))
+            found.append(self._follow(there, np.array([i]), Q, measured=there is shape))
             if not found[-1].converged[0]:
                 return False
         at, better = found
@@ -475,8 +475,11 @@ class _Members:
 
     # -- together --------------------------------------------------------------------------------
 
-    def _follow(self, shape: StackShape, which: NDInt, Q: Array) -> FollowedStack:
-        return follow(shape, self.times[which], self.packed[which], Q, self.tol)
+    def _follow(
+        self, shape: StackShape, which: NDInt, Q: Array, *, measured: bool = True
+    ) -> FollowedStack:
+        given = self.times[which], self.packed[which], Q, self.tol
+        return follow(shape, *given, measured=measured)
 
     def _solve_together(self, which: NDInt, nearest: NDInt) -> None:
         """Follow paths to some members from their `nearest` solved ones, all at once.
@@ -518,7 +521,8 @@ class _Members:
         i, shape = which[worst : worst + 1], self.levels[level].shape
         mesh, degree = shape.mesh, shape.mesh.degrees[0]
         there = shape.on(mesh.cut(mesh.since, min(2 * degree, MAX_DEGREE)))
-        found = self._follow(there, i, transfer_matrix(mesh, there.mesh) @ Q[worst : worst + 1])
+        first = transfer_matrix(mesh, there.mesh) @ Q[worst : worst + 1]
+        found = self._follow(there, i, first, measured=False)
         if not found.converged[0]:
             return False
         mesh = there.mesh.moved(*self.times[i[0]].tolist())

@@ -19,13 +19,17 @@ from actionopt.tools.types import Array
 TIMES_PER_CALL = 4096
 
 
-def _if_else_zero(condition: Array, value: Array, *, out: Array) -> None:
-    out[...] = np.where(condition != 0, value, 0.0)
+def _twice(x: Array, out: Array | None = None) -> Array:
+    return np.add(x, x, out)
+
+
+def _if_else_zero(condition: Array, value: Array, out: Array | None = None) -> Array:
+    return np.multiply(1.0, np.where(condition != 0, value, 0.0), out)
 
 
 _NAMED: dict[str, Callable[..., Any]] = {
     "ASSIGN": np.positive, "NEG": np.negative, "EXP": np.exp, "LOG": np.log, "SQRT": np.sqrt,
-    "SQ": np.square, "TWICE": lambda x, *, out: np.add(x, x, out=out), "INV": np.reciprocal,
+    "SQ": np.square, "TWICE": _twice, "INV": np.reciprocal,
     "SIN": np.sin, "COS": np.cos, "TAN": np.tan, "ASIN": np.arcsin, "ACOS": np.arccos,
     "ATAN": np.arctan, "SINH": np.sinh, "COSH": np.cosh, "TANH": np.tanh, "ASINH": np.arcsinh,
     "ACOSH": np.arccosh, "ATANH": np.arctanh, "FABS": np.fabs, "SIGN": np.sign,
@@ -56,26 +60,48 @@ class Columns:
 
     def __init__(self, function: ca.Function) -> None:
         self.widths = [function.nnz_out(k) for k in range(function.n_out())]
-        self._registers = function.sz_w()
-        self._program: list[tuple[Any, Any, Any]] = []
+        self._registers, last = function.sz_w(), function.n_in() - 1
+        self._places: dict[tuple[str, Any], int] = {}  # of each kind of value, by its number
+        # Operations of the last input alone, which seldom differs from time to time, and others:
+        # the places of the operands and of what comes of them.
+        self._first: list[tuple[Any, list[int], int]] = []
+        self._program: list[tuple[Any, list[int]]] = []
+        # The places of what registers hold; who are of that input; what the last operation made.
+        held, same, fresh = dict[int, int](), set[int](), None
         for code, to, at, value in instructions(function):
             if code == ca.OP_CONST:
-                self._program.append(("constant", value, to[0]))
+                held[to[0]] = self._place("number", value)
+                same.add(held[to[0]])
             elif code == ca.OP_INPUT:
-                self._program.append(("input", at, to[0]))
+                held[to[0]] = self._place("input", tuple(at))
+                if at[0] == last:
+                    same.add(held[to[0]])
             elif code == ca.OP_OUTPUT:
-                self._program.append(("output", at[0], to))
-            elif code in UFUNCS:
-                self._program.append((UFUNCS[code], at, to[0]))
-            else:
+                there = self._place("output", tuple(to))
+                if held[at[0]] == fresh:
+                    self._program[-1][1][-1] = held[at[0]] = there
+                else:
+                    self._program.append((np.positive, [held[at[0]], there]))
+                fresh = None
+            elif code not in UFUNCS:
                 raise ValueError(f"expected instructions that numpy knows, found number {code}")
+            elif same.issuperset(here := [held[i] for i in at]):
+                held[to[0]] = self._place("first", len(self._first))
+                same.add(held[to[0]])
+                self._first.append((UFUNCS[code], here, held[to[0]]))
+            else:
+                held[to[0]] = fresh = self._place("register", to[0])
+                self._program.append((UFUNCS[code], [*here, held[to[0]]]))
+
+    def _place(self, kind: str, which: Any) -> int:
+        return self._places.setdefault((kind, which), len(self._places))
 
     def __call__(self, points: int, members: int, inputs: Sequence[Array]) -> list[Array]:
         """Return the nonzeros of every output, (points, nonzeros, members).
 
         Inputs are (points, rows, members), or have length one where they are the same for all.
         """
-        found = [np.zeros((points, width, members)) for width in self.widths]
+        found = [np.empty((points, width, members)) for width in self.widths]
         step = min(max(TIMES_PER_CALL // members, 1), points)
         memory = np.empty((self._registers, step, members))
         with np.errstate(all="ignore"):
@@ -87,16 +113,16 @@ class Columns:
 
     def _run(self, own: Array, inputs: list[Array], outputs: list[Array]) -> None:
         """Run through the instructions for some points."""
-        values: list[Any] = list(own)
-        own_values = list(own)
-        for what, at, to in self._program:
-            if what == "input":
-                values[to] = inputs[at[0]][:, at[1]]
-            elif what == "constant":
-                values[to] = at
-            elif what == "output":
-                outputs[to[0]][:, to[1]] = values[at]
+        values: list[Any] = []
+        for kind, which in self._places:
+            if kind == "register":
+                values.append(own[which])
+            elif kind in ("input", "output"):
+                k, row = which
+                values.append((inputs if kind == "input" else outputs)[k][:, row])
             else:
-                out = own_values[to]
-                what(*(values[i] for i in at), out=out)
-                values[to] = out
+                values.append(which)
+        for ufunc, at, to in self._first:
+            values[to] = 1.0 * ufunc(*[values[i] for i in at])  # a number, if it was a truth
+        for ufunc, at in self._program:
+            ufunc(*[values[i] for i in at])

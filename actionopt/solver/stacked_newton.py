@@ -77,24 +77,38 @@ class FollowedStack:
         return cls(Q.copy(), none > 0, none.copy(), *measures, momenta)
 
 
-def follow(shape: StackShape, times: Array, packed: Array, Q: Array, tol: float) -> FollowedStack:
+def follow(
+    shape: StackShape,
+    times: Array,
+    packed: Array,
+    Q: Array,
+    tol: float,
+    *,
+    measured: bool = True,
+) -> FollowedStack:
     """Follow paths from coordinates Q (C, K, n); `times` (C, 2) and parameters `packed` (C, p).
 
-    `tol` is to what their errors are to be known.
+    `tol` is to what their errors are to be known, if they are `measured`.
     """
     found = FollowedStack.nowhere(Q)
     with np.errstate(all="ignore"):
         for here in shape.parts(len(Q)):
             left = here
             for _ in range(TOGETHER_STEPS):
-                left = _round(shape, times, packed, found, left, tol)
+                left = _round(shape, times, packed, found, left, tol, measured)
                 if left.size <= STRAGGLERS * here.size:
                     break
     return found
 
 
 def _round(
-    shape: StackShape, times: Array, packed: Array, found: FollowedStack, here: NDInt, tol: float
+    shape: StackShape,
+    times: Array,
+    packed: Array,
+    found: FollowedStack,
+    here: NDInt,
+    tol: float,
+    measured: bool,
 ) -> NDInt:
     """Take some members a factorization further; return those that are to go on."""
     count = here.size
@@ -135,13 +149,13 @@ def _round(
     found.iterations[here] += 1
     found.Q[here] = shape.whole(Q)
     found.moved[here] += _largest(Q - first, sizes)
-    if converged.any():
+    found.converged[here[converged]] = True
+    if measured and converged.any():
         ready = _Arrived(stack, factored, Q, part, second, sizes)
         omitted = ready.largest_omitted()
         missed, probed = ready.displacement(tol, omitted)
         missed = np.maximum(missed, stack.missed_action(Q, ready.samples))
         values = {
-            "converged": converged,
             "noise": noise,
             "action": stack.action(Q),
             "momenta": np.stack([-part[0, :, 0], part[-1, :, -1]]).transpose(2, 0, 1),
