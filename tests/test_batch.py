@@ -289,8 +289,8 @@ def test_stacks_are_the_transcription(name, elements, counted):
         shape.whole(stack.step(factored.solve(stack.rows(right))))
         for right in (
             part,
-            stack.quadrature_defect(between, part),
-            stack.quadrature_defect(between, part, second),
+            stack.quadrature_defect(between, part, second, np.zeros(elements, dtype=bool)),
+            stack.quadrature_defect(between, part, second, np.ones(elements, dtype=bool)),
         )
     )
     for i, x in enumerate(z):

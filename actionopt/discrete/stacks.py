@@ -361,16 +361,17 @@ class Stack:
         return found
 
     def quadrature_defect(
-        self, samples: list[Samples], part: Array, second: list[Array] | None = None
+        self, samples: list[Samples], part: Array, second: list[Array], followed: NDInt
     ) -> Array:
         """Return dS/dq by another quadrature less the `part` by this one.
 
-        Where the forces lead between the nodes if `second` are given: see `second_quadrature`.
+        Where the forces lead between the nodes of elements that are `followed`, (E,) of bool: see
+        `second_quadrature`.
         """
         s, found = self.shape, -part
         for here in samples:
             which, rule, (force, momentum, *_) = here.which, here.rule, here.values
-            if second is not None:
+            if followed[which].any():
                 inertia = self._inertia(second[2][(s.P - 1) // 2][:, which])
                 force, momentum = self._follow(here, inertia)
             work = rule.weighted_values @ force.reshape(len(force), -1)
@@ -469,13 +470,12 @@ class Stack:
         v -= mean
         q -= (rule.nodes[:, None, None, None] + 1) * mean
 
-        def still(points: slice) -> Array:
-            """Return where what departs at some points is round-off, (E, C)."""
+        for points in (slice(1), slice(None)):  # mostly the first one tells
             size = _multiply(np.abs(inverse), np.abs(momentum[points]))
-            return (np.abs(v[points]) <= NO_DEPARTURE * size).all(axis=(0, 1))
-
-        if still(slice(1)).any():
-            moves = ~still(slice(None))
+            moves = (np.abs(v[points]) > NO_DEPARTURE * size).any(axis=(0, 1))
+            if moves.all():
+                break
+        else:  # what departs there is round-off
             q, v = q * moves, v * moves
         q *= half
         q += here.q
@@ -483,7 +483,7 @@ class Stack:
         moved[1] -= _multiply(inertia, v)
         if not np.isfinite(sum(x.sum() for x in moved)):  # nothing is known beyond the laws
             good = np.isfinite(moved).all(axis=(0, 1, 2))
-            moved = [np.where(good, x, known) for x, known in zip(moved, here.values)]
+            return np.where(good, moved[0], force), np.where(good, moved[1], momentum)
         return moved[0], moved[1]
 
     def _evaluate(self, name: str, q: Array, v: Array, at: tuple[Array, Array]) -> list[Array]:

@@ -22,6 +22,7 @@ OVERHEAD = 2**11  # that the smallest memory counts for: its CasADi function tak
 # operations at most. A call of CasADi's for each time takes as long as a hundred operations; eight
 # times at once save most of that, and what is written out pays even where it is evaluated once.
 PARTED, PART, PART_OPERATIONS = 256, 8, 2**9
+VERY_MANY = 2**12  # times from where on numpy takes a third of CasADi's time; measured
 
 
 class Pointwise:
@@ -131,10 +132,10 @@ class Pointwise:
     @cached_property
     def _columns(self) -> Columns | None:
         """A function that takes a third of CasADi's time at very many times, or None."""
-        from actionopt.mechanics.columns import TIMES_PER_CALL, Columns
+        from actionopt.mechanics.columns import Columns
 
         f = self.function
-        if not f.is_a("SXFunction") or f.sz_w() * TIMES_PER_CALL > KEPT:
+        if not f.is_a("SXFunction") or f.sz_w() * VERY_MANY > KEPT:
             return None
         try:
             return Columns(f)
@@ -152,9 +153,7 @@ class Pointwise:
 
     def _in_parts(self, count: int, arguments: tuple[Array, ...]) -> list[Array]:
         """Evaluate at more times than memory is kept for, or at none, in memory for this once."""
-        from actionopt.mechanics.columns import TIMES_PER_CALL
-
-        if count >= TIMES_PER_CALL and self._columns is not None:
+        if count >= VERY_MANY and self._columns is not None:
             return [y[:, :, 0] for y in self._columns(count, 1, [x[..., None] for x in arguments])]
         _, widths, part, _ = self._sizes
         outputs = [np.empty((count, width)) for width in widths]

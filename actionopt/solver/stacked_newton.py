@@ -152,14 +152,13 @@ def _round(
     found.converged[here[converged]] = True
     if measured and converged.any():
         ready = _Arrived(stack, factored, Q, part, second, sizes)
-        omitted = ready.largest_omitted()
-        missed, probed = ready.displacement(tol, omitted)
+        missed, probed = ready.displacement(tol)
         missed = np.maximum(missed, stack.missed_action(Q, ready.samples))
         values = {
             "noise": noise,
             "action": stack.action(Q),
             "momenta": np.stack([-part[0, :, 0], part[-1, :, -1]]).transpose(2, 0, 1),
-            "omitted": omitted,
+            "omitted": ready.omitted.max(axis=0),
             "missed": missed,
             "probed": probed,
             "drift": stack.drift(Q, ready.samples, second),
@@ -185,8 +184,9 @@ class _Arrived:
         """The states between the nodes."""
         return self.stack.samples(self.Q)
 
-    def largest_omitted(self) -> Array:
-        """Return the largest coefficient left out, (C,).
+    @cached_property
+    def omitted(self) -> Array:
+        """The largest coefficients that elements leave out, (E, C).
 
         Infinite where a velocity is not known, or the motion is small and far from zero.
         """
@@ -198,7 +198,7 @@ class _Arrived:
         found = np.where(far.any(axis=0), np.inf, found.reshape(shape.E, -1))
         shortest = shape.mesh.lengths.min()
         if shortest > SHORT_ELEMENT:
-            return found.max(axis=0)
+            return found
         # As `Iterate.singular`: it runs through a singularity.
         k = shape.P
         speeds = np.abs(stack.velocities(self.Q)).max(axis=(0, 2))
@@ -206,20 +206,19 @@ class _Arrived:
         rates = (found * k * (k + 1) / (2 * stack.half)).max(axis=0)
         limit = VELOCITY_ERROR if shortest > TINY_ELEMENT else 1.0
         singular = rates * (self.sizes / speeds).max(axis=0) > limit
-        return np.where(singular, np.inf, found.max(axis=0))
+        return np.where(singular, np.inf, found)
 
-    def displacement(self, tol: float, omitted: Array) -> tuple[Array, Array]:
+    def displacement(self, tol: float) -> tuple[Array, Array]:
         """Return how far paths would move if forces were summed over other points, (C,).
 
-        And if round-off were in every entry of the matrix. `largest_omitted` (C,) is what is left
-        out.
+        And if round-off were in every entry of the matrix.
         """
         stack, structure = self.stack, self.stack.shape.system.structure
         if structure.steady:  # there is nothing to miss
             step = stack.step(self.factored.solve(self._probe()))
             return np.zeros(len(stack.times)), _largest(step, self.sizes)
-        followed = not structure.linear and may_matter(structure, omitted, tol).any()
-        miss = stack.quadrature_defect(self.samples, self.part, self.second if followed else None)
+        followed = may_matter(structure, self.omitted, tol).any(axis=1) & (not structure.linear)
+        miss = stack.quadrature_defect(self.samples, self.part, self.second, followed)
         both = np.stack([stack.rows(miss), self._probe()], axis=1)
         both = self.factored.solve(both)
         found = [_largest(stack.step(both[:, k]), self.sizes) for k in (0, 1)]
