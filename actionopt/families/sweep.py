@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 
 # of a task, about: what is lost with a worker, and much beside what sending it takes
 TASK_SECONDS = 1.0
+# Members from where on the walk to the first of a task, which takes as long as three to four of
+# them, is a small part; and the longest that a task becomes for it.
+WORTH_A_WALK, LONG_TASK_SECONDS = 24, 4.0
 # What a member takes, and each of its unknowns times coordinates with which one is coupled.
 # Measured, with 117 to 542 unknowns, to a factor of two.
 MEMBER_SECONDS, UNKNOWN_SECONDS = 1e-4, 8e-7
@@ -226,7 +229,8 @@ class _SweepRun:
             seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * float(beside)
             if alone := _alone_seconds(problem):
                 seconds = alone + ALONE_UNKNOWN_SECONDS * unknowns
-            self.length = int(np.clip(TASK_SECONDS / seconds, 1, MOST_MEMBERS))
+            longer = max(min(WORTH_A_WALK * seconds, LONG_TASK_SECONDS), TASK_SECONDS)
+            self.length = int(np.clip(longer / seconds, 1, MOST_MEMBERS))
             first, path = next(iter(self.seeds.items()), (-1, None))
             self._keep(first, path, length=self.length)
         self.question = pickle.dumps(self.grid.problem)
