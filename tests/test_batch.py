@@ -9,6 +9,7 @@ from helpers import same_bits
 import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis.status import Status
+from actionopt.discrete.elimination import Inverses
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.stacks import Factored, Stack, StackShape
 from actionopt.discrete.transcription import Transcription
@@ -306,6 +307,13 @@ def test_stacks_are_the_transcription(name, elements, counted):
             assert tr.pack(mine[i]) - tr.pack(0 * mine[i]) == pytest.approx(
                 want, rel=1e-8, abs=1e-9 * np.abs(want).max() + 1e-12
             )
+
+
+def test_of_singular_matrices_nothing_is_known():
+    inside = Inverses(np.zeros((3, 3, 2)), 1)
+    right = np.ones((3, 2))
+    inside.forward(right)
+    assert np.isnan(right).all()
 
 
 def test_columns_know_what_casadi_does():

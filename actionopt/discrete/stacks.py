@@ -54,8 +54,8 @@ WHOLE_MATRICES = 2**23  # numbers in the matrices with those that are never touc
 FEWEST, UNKNOWNS_A_MEMBER, WORK = 12, 7, 3000
 MOST_AT_ONCE, LEAST_AT_ONCE = 256, 8  # members
 # Rows of all matrices up to which LAPACK inverts them faster than they are eliminated row by row.
-# Measured: 28 matrices of 26 rows, 8 of 210 with a band.
-FEW_ROWS = 700
+# Measured: it takes as long either way for 64 matrices of 26 rows, 14 of 90 and 5 of 180.
+FEW_ROWS = 1000
 
 
 class StackShape:
@@ -469,7 +469,6 @@ class Stack:
         mean /= 2
         v -= mean
         q -= (rule.nodes[:, None, None, None] + 1) * mean
-
         for points in (slice(1), slice(None)):  # mostly the first one tells
             size = _multiply(np.abs(inverse), np.abs(momentum[points]))
             moves = (np.abs(v[points]) > NO_DEPARTURE * size).any(axis=(0, 1))

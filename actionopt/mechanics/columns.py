@@ -70,7 +70,7 @@ class Columns:
         held, same, fresh = dict[int, int](), set[int](), None
         for code, to, at, value in instructions(function):
             if code == ca.OP_CONST:
-                held[to[0]] = self._place("number", value)
+                held[to[0]] = self._place(f"number {value}", value)  # -0 is another one than 0
                 same.add(held[to[0]])
             elif code == ca.OP_INPUT:
                 held[to[0]] = self._place("input", tuple(at))
