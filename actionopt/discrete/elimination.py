@@ -111,7 +111,7 @@ def eliminate(M: Array, count: int, band: Band) -> Array:
     return inverse
 
 
-class Rows:
+class RowElimination:
     """The first rows of symmetric matrices (f, f, B), upper rows, eliminated one after the other.
 
     Parameters
@@ -147,7 +147,7 @@ class Rows:
 
 
 class Inverses:
-    """What `Rows` does, of a few matrices by their inverses: some calls for all rows.
+    """What `RowElimination` does, of a few matrices by their inverses: some calls for all rows.
 
     Where one is singular nothing is known of any.
     """

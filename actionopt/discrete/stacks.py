@@ -21,7 +21,7 @@ import numpy as np
 from actionopt.discrete.elimination import (
     Band,
     Inverses,
-    Rows,
+    RowElimination,
     invert,
     multiply,
 )
@@ -549,7 +549,7 @@ class Factored:
         s.assemble(M, coefficients)
         at = np.arange(s.places)
         self.largest = np.abs(M[at, at]).reshape(s.places * s.E, -1).max(axis=0)
-        self.inside = Inverses(M, s.inner) if few else Rows(M, s.inner, s.band)
+        self.inside = Inverses(M, s.inner) if few else RowElimination(M, s.inner, s.band)
         self.negative = np.zeros(M.shape[2] // s.E, dtype=int)
         if counted:
             pivots = self.inside.inverse.reshape(s.inner * s.E, -1)

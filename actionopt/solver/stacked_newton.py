@@ -158,7 +158,7 @@ def _round(
             "noise": noise,
             "action": stack.action(Q),
             "momenta": np.stack([-part[0, :, 0], part[-1, :, -1]]).transpose(2, 0, 1),
-            "omitted": ready.omitted.max(axis=0),
+            "omitted": ready.largest_omitted.max(axis=0),
             "missed": missed,
             "probed": probed,
             "drift": stack.drift(Q, ready.samples, second),
@@ -185,7 +185,7 @@ class _Arrived:
         return self.stack.samples(self.Q)
 
     @cached_property
-    def omitted(self) -> Array:
+    def largest_omitted(self) -> Array:
         """The largest coefficients that elements leave out, (E, C).
 
         Infinite where a velocity is not known, or the motion is small and far from zero.
@@ -217,7 +217,9 @@ class _Arrived:
         if structure.steady:  # there is nothing to miss
             step = stack.step(self.factored.solve(self._probe()))
             return np.zeros(len(stack.times)), _largest(step, self.sizes)
-        followed = may_matter(structure, self.omitted, tol).any(axis=1) & (not structure.linear)
+        followed = may_matter(structure, self.largest_omitted, tol).any(axis=1) & (
+            not structure.linear
+        )
         miss = stack.quadrature_defect(self.samples, self.part, self.second, followed)
         both = np.stack([stack.rows(miss), self._probe()], axis=1)
         both = self.factored.solve(both)
