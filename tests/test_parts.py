@@ -1023,6 +1023,36 @@ def test_a_closed_motion_goes_between_its_turning_points():
     assert durations.between_turning_points(round_.replace(energy=0.5)) is None
 
 
+def test_motions_are_timed_and_turned_in_any_units():
+    """An oscillator between -2 and 2, of period 2 pi, in units of time and of length."""
+    well = System(
+        lambda q, v, t, *, s, m: ((v[0] * s) ** 2 - q[0] ** 2) / m**2 / 2,
+        ["x"],
+        parameters={"s": 1.0, "m": 1.0},
+    )
+    for s, m in ((1e-14, 1.0), (1e14, 1.0), (1.0, 1e-14), (1.0, 1e14)):
+        known = {"parameters": {"s": s, "m": m}, "energy": 2.0}
+        found = durations.between_turning_points(
+            Problem(well, Event(0.0, [0.0]), ao.Periodic(None), **known)
+        )
+        assert isinstance(found, ao.Path)
+        assert found.mesh.duration == pytest.approx(2 * np.pi * s, rel=1e-5)
+        assert np.abs(found.values).max() == pytest.approx(2 * m)
+        passage = durations.straight_passage(
+            Problem(well, Event(0.0, [-m]), Event(None, [m]), **known)
+        )
+        assert passage is not None
+        assert passage[0][-1] == pytest.approx(np.pi / 3 * s)
+
+
+def test_legs_of_accelerations_last_longer_by_the_unit_of_time():
+    for second in (1e-9, 1e9):
+        beam = System(lambda q, v, a, t: (a[0] * second**2) ** 2 / 2, ["x"])  # noqa: B023
+        ends = Event(0.0, [0.0], v=[0.0]), Event(None, [18.0], v=[0.0])
+        found = through._durations(Problem(beam, *ends, energy=2.0), np.array([[0.0], [18.0]]))
+        assert found == pytest.approx(3 * second)  # 18 / T^2 has the energy
+
+
 def test_times_change_where_the_action_bends_down_most():
     # The part of the times, of the inverse, is that of diag(2, -3, -1) in turned axes.
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]

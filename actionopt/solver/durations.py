@@ -24,8 +24,10 @@ from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 
 # Ad hoc: what comes of it is a guess.
-SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
+# Of a coordinate's size, which at zero is not known: how far from its start a well is looked for.
+SEEN = np.logspace(-30, 30, 481)
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
+RATE_STEP = 1e6  # factor of a rate at once, at most, as its unit is unknown
 LINE = 41  # points on the straight line; a guess that comes back has as many each way
 # The quadrature of a duration, with one coordinate: the most points, and the part of the duration
 # by which one more halving of an interval may change it.
@@ -54,15 +56,21 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
     with np.errstate(all="ignore"):
         rest = H(0 * u)
         left, rate, last, factor = energy - rest, np.ones(len(q)), None, np.ones(len(q))
-        # The unit of rates is unknown: kinetic energies that are not finite are too large.
+        # The unit of rates is unknown: kinetic energies that are not finite are too large, and too
+        # small where round-off of the potential leaves few digits of them.
         for _ in range(PATIENT):  # one where L is quadratic in v
             T = H(rate[:, None] * u) - rest
+            if last is None and np.fmax.reduce(T) < MERGED * np.fmax.reduce(left):
+                rate = RATE_STEP * rate
+                continue
             power = 2.0 if last is None else np.log(T / last) / np.log(factor)  # of the rate
             last, ratio = T, np.abs(left / T)
             factor = np.sqrt(ratio)
             if not np.all(np.abs(factor - 1) < 1e-12):
                 factor = np.where(power > 0, ratio ** (1 / power), factor)
-            factor = np.where(np.isfinite(factor) & (factor > 0), np.clip(factor, 1e-6, 1e6), 0.5)
+            factor = np.where(
+                np.isfinite(factor) & (factor > 0), np.clip(factor, 1 / RATE_STEP, RATE_STEP), 0.5
+            )
             rate = rate * factor
             if np.all(np.abs(factor - 1) < 1e-12):
                 break

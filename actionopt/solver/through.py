@@ -585,6 +585,8 @@ def _durations(problem: Problem, q: Array) -> Array:
             still = at.system.pointwise("value")(*rest, t[:, None], at.packed)[0][:, 0]
             speed = np.sqrt(2 * np.abs(problem.energy + still))
         found = length / speed
+        if problem.energy is not None:  # of order k as (length / T^k)^2
+            found = found ** (1 / at.system.order)
     typical = found[np.isfinite(found) & (found > 0)]
     least = 0.05 * typical.mean() if typical.size else 1.0
     return np.where(np.isfinite(found), np.maximum(found, least), least)
