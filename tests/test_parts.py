@@ -1045,6 +1045,15 @@ def test_motions_are_timed_and_turned_in_any_units():
         assert passage[0][-1] == pytest.approx(np.pi / 3 * s)
 
 
+def test_a_motion_without_kinetic_energy_has_no_unit_of_time():
+    still = Problem(
+        System(lambda q, v, t: -q[0], ["x"]), Event(0.0, [0.0]), Event(None, [1.0]), energy=2.0
+    )
+    found = durations.times_along(still, np.linspace(0.0, 1.0, 5)[:, None], 0.0)
+    assert found is not None
+    assert found[0][-1] == pytest.approx(1.0)
+
+
 def test_legs_of_accelerations_last_longer_by_the_unit_of_time():
     for second in (1e-9, 1e9):
         beam = System(lambda q, v, a, t: (a[0] * second**2) ** 2 / 2, ["x"])  # noqa: B023

@@ -57,10 +57,10 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
         rest = H(0 * u)
         left, rate, last, factor = energy - rest, np.ones(len(q)), None, np.ones(len(q))
         # The unit of rates is unknown: kinetic energies that are not finite are too large, and too
-        # small where round-off of the potential leaves few digits of them.
+        # small where round-off of the potential leaves few digits of most.
         for _ in range(PATIENT):  # one where L is quadratic in v
             T = H(rate[:, None] * u) - rest
-            if last is None and np.fmax.reduce(T) < MERGED * np.fmax.reduce(left):
+            if last is None and np.mean((T < MERGED * left) & (left < np.inf)) > 0.5:
                 rate = RATE_STEP * rate
                 continue
             power = 2.0 if last is None else np.log(T / last) / np.log(factor)  # of the rate
@@ -74,6 +74,8 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
             rate = rate * factor
             if np.all(np.abs(factor - 1) < 1e-12):
                 break
+    if last is None:  # there is no kinetic energy
+        rate = np.ones(len(q))
     return np.where(left > 0, rate, np.nan), left
 
 
