@@ -60,7 +60,7 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
         # small where round-off of the potential leaves few digits of most.
         for _ in range(PATIENT):  # one where L is quadratic in v
             T = H(rate[:, None] * u) - rest
-            if last is None and np.mean((T < MERGED * left) & (left < np.inf)) > 0.5:
+            if last is None and np.mean((MERGED * left > T) & (left < np.inf)) > 0.5:
                 rate = RATE_STEP * rate
                 continue
             power = 2.0 if last is None else np.log(T / last) / np.log(factor)  # of the rate
