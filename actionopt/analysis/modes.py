@@ -28,6 +28,9 @@ from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array, NDInt
 
 DENSE_EIGENPROBLEM = 600  # free variations up to which all eigenvalues are computed at once; ad hoc
+DENSE_MODES = 10  # or so many times the modes that are sought; ad hoc
+# Unknowns for each mode that is resolved, at least: two of a half wave. Derived
+FEWEST_UNKNOWNS = 2
 ASSEMBLED = 300  # free variations from which one sparse matrix takes less time. Measured
 SETTLED_VALUES = 1e-10  # of the largest, how far eigenvalues move that have settled; ad hoc
 NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are round-off; ad hoc
@@ -101,6 +104,11 @@ def second_variation(
     if solution.problem.is_course:
         return _on_full_forms(solution, count, given)
     at = solution.discrete
+    # No eigenproblem on a mesh that has too few nodes to resolve its modes.
+    while 0 < at.tr.layout.unknowns - at.tr.layout.rows < FEWEST_UNKNOWNS * count:
+        if count * at.Q.size > MODE_WORK:
+            break
+        at = _on(solution, refine_where(at.mesh, np.ones(at.mesh.elements), MODE_TAIL))
     for _ in range(FIELD_ROUNDS):
         values, eta, mesh, used, shifts = _on_mesh(at, solution.error, count, given, found)
         low = found.index, found.index + found.nullity + shifts
@@ -113,8 +121,6 @@ def second_variation(
         scaled = eta / used[:, None]
         scaled = scaled / np.abs(scaled).max(axis=(0, 1), initial=0.0)
         tail = _tails_of(mesh, scaled)
-        if 0 < len(values) < count:
-            tail[:] = 1.0
         if (finer := refine_where(mesh, tail, MODE_TAIL)) is None:
             break
         if count * scaled[..., 0].size > MODE_WORK:
@@ -123,9 +129,15 @@ def second_variation(
             ]
             values = values[: [*shown, False].index(False)]
             break
-        at = solution.discrete.on(finer, solution.discrete.multipliers(finer.nodes))
+        at = _on(solution, finer)
     modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
     return SecondVariation(values, modes, found, used)
+
+
+def _on(solution: Solution, mesh: Mesh | None) -> DiscretePath:
+    """Return the path of a solution on another mesh."""
+    assert mesh is not None
+    return solution.discrete.on(mesh, solution.discrete.multipliers(mesh.nodes))
 
 
 def _tails_of(mesh: Mesh, eta: Array) -> Array:
@@ -142,7 +154,7 @@ def _on_mesh(
     """
     # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
     resolution = INDEX_RESOLUTION / 100
-    form = assemble_if_large(first, error, resolution)
+    form = assemble_if_large(first, error, resolution, count)
     if form is not None:
         values, vectors = _Assembled(form, given).lowest(count, found.index + found.nullity)
         return values, _variations(form, vectors), form.at.mesh, given, False
@@ -181,9 +193,14 @@ def _on_full_forms(solution: Solution, count: int, units: Array) -> SecondVariat
     return SecondVariation(values, modes, solution.inertia, units)
 
 
-def assemble_if_large(first: DiscretePath, error: float, resolution: float) -> AssembledForm | None:
-    """Return d2S of a path as one matrix, if it is so large that full ones take more."""
-    if first.tr.layout.unknowns - first.tr.layout.rows < ASSEMBLED:
+def assemble_if_large(
+    first: DiscretePath, error: float, resolution: float, count: int = 1
+) -> AssembledForm | None:
+    """Return d2S of a path as one matrix, if it is so large that full ones take more.
+
+    For so many modes.
+    """
+    if first.tr.layout.unknowns - first.tr.layout.rows < max(ASSEMBLED, DENSE_MODES * count):
         return None
     return assemble(first, error, resolution)
 
@@ -198,7 +215,7 @@ def lowest(form: Form, count: int) -> tuple[Array, Array]:
     rows, cols, entries, mass = _assemble(form, free)
     scale = 1 / np.sqrt(mass)
     entries = entries * scale[rows] * scale[cols]
-    if free.size <= DENSE_EIGENPROBLEM:
+    if free.size <= max(DENSE_EIGENPROBLEM, DENSE_MODES * count):
         matrix = np.zeros((free.size, free.size))
         matrix[rows, cols] = entries
         values, vectors = np.linalg.eigh(matrix)
