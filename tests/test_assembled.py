@@ -8,7 +8,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis import modes, sensitivity
+from actionopt.analysis import assembled, modes
 from actionopt.analysis.assembled import AssembledForm, assemble, is_convex
 from actionopt.analysis.jacobi import resolve
 from actionopt.discrete.discrete_path import DiscretePath
@@ -48,7 +48,7 @@ def test_modes_of_a_lattice(solution):
 
 def test_second_derivatives_of_a_lattice(solution, monkeypatch):
     assert assemble(solution.discrete, solution.error, 1e-8) is not None
-    monkeypatch.setattr(sensitivity, "SOLVED_AT_ONCE", 1)  # some columns at once, not all
+    monkeypatch.setattr(assembled, "SOLVED_AT_ONCE", 1)  # some columns at once, not all
     found = solution.sensitivity()
     own = MODES @ np.diag(SPEEDS / np.tan(SPEEDS * T)) @ MODES.T
     across = MODES @ np.diag(-SPEEDS / np.sin(SPEEDS * T)) @ MODES.T

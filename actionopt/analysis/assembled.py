@@ -8,6 +8,7 @@ serves where the variations are simply those between two events and L_vv surely 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -40,6 +41,9 @@ from actionopt.tools.types import EPS, Array, NDInt
 # of the coefficients of d2S, which is as far: both far below the tolerance of a sign. Derived.
 FIELDS_TO_COEFFICIENTS = 1e2
 RANDOM_FIELDS = 4  # between random ends of an element: each has a part of all Jacobi fields there
+# Numbers of right-hand sides that are solved for at once, 1 MB, of which a sparse solver holds some
+# copies, and how many at least: they share a factorization. Measured: from 2 to 4 MB flat.
+SOLVED_AT_ONCE, FEWEST_SOLVED = 2**17, 16
 EVEN_UNITS = 10.0  # how far units of coordinates may be from those of equal inertia
 
 
@@ -127,7 +131,7 @@ class AssembledForm:
             eta[:, [0, -1]] = ends[g.elements]
             found.append((eta, self.forces(g, eta)))
             whole[g.nodes] = found[-1][1]
-        for some in in_parts(count * free.any(), layout.size):
+        for some in some_columns(count * free.any(), layout.size):
             pushed = whole[node, place, some]
             load = np.zeros((layout.size, pushed.shape[1]))
             load[: layout.unknowns][free] = -pushed / tr.action_unit
@@ -355,6 +359,13 @@ def _polish(form: AssembledForm) -> DiscretePath:
         z, last = z - step, size
         if size < BORDERED_TOL:
             return DiscretePath(tr, z)
+
+
+def some_columns(count: int, size: int) -> Iterator[slice]:
+    """Yield columns of so many rows, some at once."""
+    few = max(SOLVED_AT_ONCE // size, FEWEST_SOLVED)
+    for first in range(0, count, few):
+        yield slice(first, first + few)
 
 
 def _gershgorin(parts: list[tuple[tuple[NDInt, NDInt], Array]], units: Array) -> float:

@@ -11,13 +11,12 @@ no difference is taken, nothing is solved again, and the accuracy is that of the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
-from actionopt.analysis.assembled import AssembledForm, assemble
+from actionopt.analysis.assembled import AssembledForm, assemble, some_columns
 from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, condense, form, tangent
 from actionopt.discrete.bordered import equations_of
@@ -42,9 +41,6 @@ from actionopt.tools.types import RANK, Array
 
 # What the mesh leaves out of Jacobi fields; derived: second derivatives converge twice as fast.
 SENSITIVITY_RESOLUTION = 1e-8
-# Numbers of right-hand sides that are solved for at once, 1 MB, of which a sparse solver holds some
-# copies, and how many at least: they share a factorization. Measured: from 2 to 4 MB flat.
-SOLVED_AT_ONCE, FEWEST_SOLVED = 2**17, 16
 
 
 @immutable
@@ -283,7 +279,7 @@ def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
     first, last = moved = [np.linalg.qr(plane)[0] for plane in allowed]
     couplings, parts, missed = [form.coupling(k) for k in (0, -1)], [], []
     for k, plane in enumerate(moved):
-        for some in _columns(plane.shape[1], layout.size):
+        for some in some_columns(plane.shape[1], layout.size):
             forces = couplings[k].times(plane[:, some], at.Q.size)
             loads = np.zeros((layout.size, forces.shape[1]))
             loads[:unknowns] = forces[layout.free] * units
@@ -312,13 +308,6 @@ def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
         first @ hessian[:cut, cut:] @ last.T,
         last @ hessian[cut:, cut:] @ last.T,
     )
-
-
-def _columns(count: int, size: int) -> Iterator[slice]:
-    """Yield columns of so many rows, some at once."""
-    few = max(SOLVED_AT_ONCE // size, FEWEST_SOLVED)
-    for first in range(0, count, few):
-        yield slice(first, first + few)
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:
