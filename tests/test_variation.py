@@ -7,6 +7,7 @@ from helpers import solved
 
 import actionopt as ao
 from actionopt import scenes
+from actionopt.analysis import modes
 from actionopt.analysis.variation import variation
 
 ROUNDING = 1e-13  # of `first`, relative to the terms that cancel in it
@@ -174,3 +175,14 @@ def test_a_variation_vanishes_at_events_on_the_way():
     )
     with pytest.raises(ValueError, match="one through 1"):
         variation(free, lambda t: np.zeros((2, len(t))))
+
+
+def test_many_modes_are_sought_on_few_meshes(monkeypatch):
+    """They were on five, of which three had too few nodes to resolve them."""
+    tried, on_mesh = [], modes._on_mesh
+    monkeypatch.setattr(modes, "_on_mesh", lambda *asked: tried.append(asked) or on_mesh(*asked))
+    spring = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x"])
+    found = ao.solve(ao.Problem(spring, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])))
+    values = ao.second_variation(found, 50).eigenvalues
+    np.testing.assert_allclose(values, (np.arange(1, 51) * np.pi) ** 2 - 1, rtol=1e-9)
+    assert len(tried) <= 3

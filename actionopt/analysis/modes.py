@@ -381,6 +381,7 @@ def _subspace(matrix: _Operator, shift: float, count: int) -> tuple[Array, Array
             shift, gap = max(shift - gap, (shift + below) / 2), 4 * gap
         below = shift
         block, settled = _krylov(solve, block, count, shift)
+        del solve  # before the next factors are made
         ritz, turn = np.linalg.eigh(block.T @ matrix.times(block))
         block = block @ turn
         scale, change = np.abs(ritz[:count]).max() + abs(shift), np.abs(ritz[:count] - values).max()
