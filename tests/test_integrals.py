@@ -562,6 +562,21 @@ def test_first_waves_have_the_integral_that_is_given():
         assert weights @ np.hypot(1, path.velocity(x + 1)[0]) == pytest.approx(2.6, rel=1e-2)
 
 
+def test_first_waves_have_heights_of_any_unit():
+    """Between equal heights of zero, which do not tell how large a rope's are."""
+    rope = ao.System(
+        lambda q, v, t: q[0], ["y"], integral=lambda q, v, t: np.sqrt(1 + (v[0] / 1e-9) ** 2)
+    )
+    problem = ao.Problem(rope, ao.Event(0, [0]), ao.Event(2, [0]), integral=2.6)
+    straight = ao.Path(ao.Mesh([0.0, 2.0], 1), np.zeros((1, 2)))
+    given = problem, straight, np.array([0.0, 2.0]), np.ones(1)
+    found = [path for path, _ in first_waves(*given, 2, np.random.default_rng(1))]
+    x, weights = np.polynomial.legendre.leggauss(400)
+    assert len(found) == 2
+    for path in found:
+        assert weights @ np.hypot(1, path.velocity(x + 1)[0] / 1e-9) == pytest.approx(2.6, rel=1e-2)
+
+
 def length(q, v, t):
     return np.sqrt(v @ v)
 

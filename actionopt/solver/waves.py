@@ -229,7 +229,7 @@ def _project(
         off, step = _correct(tr, origin, variations, a, values)
         if not (np.isfinite(off).all() and np.isfinite(step).all()):
             return None
-        if np.abs(step).max() <= LAST_PROJECTION * max(1.0, np.abs(a).max()):
+        if np.abs(step).max() <= LAST_PROJECTION * np.abs(a).max():
             near = np.abs(off).max() <= FIRST_TOL * max(1.0, np.abs(values).max())
             return origin + a @ variations if near else None
         longest = max(1.0, float(np.abs(a).max()))
