@@ -14,6 +14,7 @@ from actionopt.discrete.factors import (
     full,
     kkt_nonzeros,
     negative_eigenvalues,
+    negative_signs,
     product,
     solve_inside,
 )
@@ -471,3 +472,18 @@ def test_what_is_inside_elements_is_solved_for_element_by_element(monkeypatch, k
     np.testing.assert_allclose(found, known, rtol=1e-6, atol=1e-6 * np.abs(known).max())
     inner = [x.analysed.sparsity().nnz() for k, x in layout.solvers.items() if "inside " in k]
     assert sum(inner) < layout.kkt.nnz / 2
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("duration", [0.5, 8.0])
+def test_the_inertia_of_a_small_matrix_with_a_border(monkeypatch, duration, sign):
+    layout, nonzeros, dense = matrix_of("plain", ("small", 2), duration)
+    definite = np.linalg.eigvalsh(dense)[0] > 0
+    B, D = np.random.default_rng(7).normal(size=(layout.size, 3)), 50 * sign * np.eye(3)
+    dense = np.block([[dense, B], [B.T, D]])
+    layout, nonzeros = border_matrix(layout, nonzeros, B, B.T, D)
+    asked = []
+    signs = lambda A: asked.append(A) or negative_signs(A)  # noqa: E731
+    monkeypatch.setattr("actionopt.discrete.factors.negative_signs", signs)
+    assert Factors(layout, nonzeros).negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
+    assert len(asked[0]) == (3 if definite else len(dense))  # the eigenvalues of the border

@@ -231,13 +231,12 @@ class Factors:
 
     def solve_many(self, right: Array) -> Array:
         """Return the solutions for right-hand sides (size, K), all at once where that is quick."""
+        if self._even is None and self._definite is not None:
+            return self._definite(right)
         found = [self.solve(right[:, 0])]
-        if self._even is None and (self._definite is not None or self._accurate):
-            several = self._definite
-            if several is None and self.layout.uses_condensation and not self._pays:
-                several = self._direct
-            if several is not None:
-                return np.concatenate([found[0][:, None], several(right[:, 1:])], axis=1)
+        direct = self._even is self._near is None and self._accurate and self._direct
+        if direct and self.layout.uses_condensation and not self._pays and right.shape[1] > 1:
+            return np.concatenate([found[0][:, None], direct(right[:, 1:])], axis=1)
         direct = self._even, self._definite, self._near, self._direct
         if all(way is None for way in direct) and (self.layout.small or self.layout.border):
             return self._full_factors(right)
@@ -283,9 +282,14 @@ class Factors:
         scale = _row_scale(layout, self.nonzeros) if layout.rows else None
         if scale is not None:  # D K D has the inertia of K (Sylvester)
             return Factors(layout, _rescale(layout, self.nonzeros, scale)).negative()
+        if layout.small and not layout.rows:
+            if not isinstance(layout, BorderedLayout):
+                return 0 if self.definite() else negative_signs(self._full)
+            K, B, C, D = layout.split(self.nonzeros)
+            inner = Factors(layout.inner, K)
+            if inner.definite():  # the others are those of Schur's complement (Haynsworth)
+                return negative_signs(D - C @ inner.solve_many(B))
         if layout.small:
-            if not layout.rows and self.definite():
-                return 0
             return negative_signs(self._full)
         if layout.size > PATTERN:
             return self._pivots.negative()
