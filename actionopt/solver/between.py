@@ -29,7 +29,7 @@ from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.refine import settle_on
 from actionopt.solver.search import CURVED_STRATEGIES, Search, Strategy
 from actionopt.solver.signals import SIGNALS, status_of
-from actionopt.solver.strategies import IPOPT, STRATEGIES
+from actionopt.solver.strategies import IPOPT, QUICK, STRATEGIES
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.checks import COARSEST
@@ -81,7 +81,8 @@ def between(
     for name in ("first", "second"):
         system.pointwise(name)
     ws.record.time["derive"] += perf_counter() - started
-    search = Search(ws, tol, principle, mesh, choices.strategies)
+    straight = choices.strategies is QUICK
+    search = Search(ws, tol, principle, mesh, choices.strategies, straight=straight)
     try:
         if along is not None:
             from actionopt.solver.least_along import find_least_along
@@ -106,6 +107,7 @@ def between(
     if watch is not None and watch.error is not None and not isinstance(watch.error, OutOfTime):
         raise watch.error
     solution = solution_of(ws, status, search.found_by, started)
+    verdict = verdict and (status.success or not straight)  # else others are sought yet
     if verdict and may_be_family(ws, status):
         solution = judge_family(ws, solution)
     return solution, "" if solution.success else message_of(solution, tol, ws.hint)

@@ -188,8 +188,9 @@ def barrier(
     if not _is_least_at_rest(law, q[k], packed):
         return ""
     return (
-        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at {_place(law, q[k])}, "
-        f"which {what}" + ("" if problem.energy is None else "; give a larger energy")
+        f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at "
+        f"{name_place(law, q[k])}, which {what}"
+        + ("" if problem.energy is None else "; give a larger energy")
     )
 
 
@@ -234,8 +235,8 @@ def explain_rest(problem: Problem) -> str:
         if height[k] > below and _is_least_at_rest(law, places[k], problem.packed):
             end = "" if law.n > 1 else f" on its way to {b[0]:.6g}"
             return (
-                f"a motion that rests at {_place(law, a)} in infinite time has the energy "
-                f"{energy:.6g} and does not pass {_place(law, places[k])}{end}, where the "
+                f"a motion that rests at {name_place(law, a)} in infinite time has the energy "
+                f"{energy:.6g} and does not pass {name_place(law, places[k])}{end}, where the "
                 f"potential is {'as high' if law.n == 1 else f'{height[k]:.6g}'}"
             )
     return ""
@@ -288,7 +289,8 @@ def _bisect(low: Array, high: Array, is_low: Callable[[Array], Array]) -> Array:
     return low
 
 
-def _place(law: System, q: Array) -> str:
+def name_place(law: System, q: Array) -> str:
+    """Return a place (n,) by the names of its coordinates."""
     return ", ".join(f"{name} = {x:.6g}" for name, x in zip(law.coordinates, q, strict=True))
 
 
@@ -373,28 +375,11 @@ def oscillations(problem: Problem) -> list[Path]:
     closes = problem.advance is not None and not problem.advance.any()
     if system.n == 1 or not plain or not closes or problem.order != tuple(range(system.n)):
         return []
-    first, second = system.pointwise("first"), system.pointwise("second")
-    q, v, now = np.array([x or 0.0 for x in problem.start.q]), np.zeros((1, system.n)), [[t]]
-    state = v, np.array(now, dtype=float), problem.packed
-    with np.errstate(all="ignore"):
-        for _ in range(PATIENT):
-            force = first(q[None], *state)[0][0].copy()
-            values = [x.copy() for x in second(q[None], *state)]
-            A, B, C = (second.full(i, values[i], symmetric=i != 1)[0] for i in range(3))
-            if not all(np.isfinite(x).all() for x in (force, A, B, C)):
-                return []
-            if np.abs(force).max() <= ROUNDED * np.abs(A).max() * problem.scales.max():
-                break
-            q = q - np.linalg.lstsq(A, force, rcond=None)[0]
-        else:
-            return []
-    left = float(problem.energy or 0.0) + float(first(q[None], *state)[2][0, 0])
-    try:
-        inverse = np.linalg.inv(C)
-    except np.linalg.LinAlgError:
+    found = equilibrium(problem, np.array([x or 0.0 for x in problem.start.q]))
+    if found is None:
         return []
-    H = np.block([[-inverse @ B.T, inverse], [A - B @ inverse @ B.T, B @ inverse]])
-    rates, modes = np.linalg.eig(H)
+    q, (A, _, C), rates, modes = found
+    left = float(problem.energy or 0.0) - float(potential(problem, q[None])[0])
     growing, turning = np.real(rates), np.imag(rates)
     found = []
     for k in np.argsort(-turning):
@@ -410,3 +395,31 @@ def oscillations(problem: Problem) -> list[Path]:
         moved = np.outer(np.real(eta), np.cos(angle)) - np.outer(np.imag(eta), np.sin(angle))
         found.append(Path(mesh, q[:, None] + np.sqrt(left / energy) * moved))
     return found
+
+
+def equilibrium(problem: Problem, q: Array) -> tuple[Array, list[Array], Array, Array] | None:
+    """Return the equilibrium near q (n,), L_qq, L_qv, L_vv there, and rates and modes beside it.
+
+    There are 2 n modes, columns of (dq, dp) that move as exp(rate t). None where none is found.
+    """
+    first, second = problem.system.pointwise("first"), problem.system.pointwise("second")
+    state = np.zeros((1, q.size)), np.full((1, 1), problem.start.t), problem.packed
+    with np.errstate(all="ignore"):
+        for _ in range(PATIENT):
+            force = first(q[None], *state)[0][0].copy()
+            values = [x.copy() for x in second(q[None], *state)]
+            A, B, C = known = [second.full(i, values[i], symmetric=i != 1)[0] for i in range(3)]
+            if not all(np.isfinite(x).all() for x in (force, *known)):
+                return None
+            if np.abs(force).max() <= ROUNDED * np.abs(A).max() * problem.scales.max():
+                break
+            q = q - np.linalg.lstsq(A, force, rcond=None)[0]
+        else:
+            return None
+    try:
+        inverse = np.linalg.inv(C)
+    except np.linalg.LinAlgError:
+        return None
+    H = np.block([[-inverse @ B.T, inverse], [A - B @ inverse @ B.T, B @ inverse]])
+    rates, modes = np.linalg.eig(H)
+    return q, known, rates, modes

@@ -28,6 +28,7 @@ from actionopt.solver.strategies import (
     DESCENT_COORDINATES,
     GUESS_ONLY,
     IPOPT,
+    QUICK,
     STRATEGIES,
 )
 from actionopt.solver.verdict import message_of, solution_of
@@ -57,9 +58,11 @@ DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node a
 
 def revise_all(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path between events at given times, and the verdict with its figures."""
-    found = between(problem, guess, choices)
-    for revise in REVISIONS:
-        found = revise(problem, guess, choices, found)
+    found = _geodesic(problem, choices) if _may_follow(problem, guess, choices) else None
+    if found is None:
+        found = between(problem, guess, choices)
+        for revise in REVISIONS:
+            found = revise(problem, guess, choices, found)
     return found
 
 
@@ -94,7 +97,7 @@ def windows(
     while True:
         solution, message = _on_window(here.problem, here.guess, inner)
         factors, below = window.factorize(solution), None
-        if shut and solution.status in LOST:
+        if solution.status in LOST and (shut or choices.strategies is QUICK):
             return solution, message_of(solution, choices.tol, reason=shut)
         try:
             if solution.status in LOST and problem.system.n <= DESCENT_COORDINATES:
@@ -112,7 +115,7 @@ def windows(
         if not solution.success or later is None or choices.mesh is not None:
             break
         left, before = max(edge.left for edge in edges), left
-        if left > AWAY:
+        if left > AWAY or choices.strategies is QUICK:
             inner = replace(inner, strategies=GUESS_ONLY)
         if not left <= before / 2:
             message = window.explain_short_window(choices.tol, max(edge.moved for edge in edges))
@@ -152,6 +155,12 @@ def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterato
     reason, shut = explain_rest(problem.whole), ""
     if guess is None and not reason:
         shut = explain_leg(problem.whole)
+    plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
+    if plain and choices.principle == "auto" and not (reason or shut):
+        found = _beside_rest(problem, choices)
+        if found is not None:
+            yield found
+            return
     found = windows(problem, guess, choices, reason, shut)
     yield found
     lost = not found[0].success and found[0].status is not Status.OUT_OF_TIME
@@ -167,6 +176,40 @@ def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterato
             yield windows(problem, step, choices)
 
 
+def _beside_rest(problem: Problem, choices: Choices) -> Found | None:
+    """Return the least path beside a rest as far as it is found soon, or why there is none.
+
+    None where more is to be tried.
+    """
+    from actionopt.solver.rest_between import has_other_rests, path_to_rest
+
+    if not has_other_rests(problem.whole):
+        return None
+    found = windows(problem, None, replace(choices, strategies=QUICK))
+    if _is_minimum(found[0]):
+        return found
+    try:
+        path, reason = path_to_rest(problem.whole, choices)
+    except OutOfTime:
+        return None
+    if reason:
+        solution = replace(found[0], status=Status.NOT_FOUND, error=np.inf)
+        return solution, message_of(solution, choices.tol, reason=reason)
+    if path is None:
+        return None
+    found = windows(problem, path, replace(choices, strategies=GUESS_ONLY))
+    return found if _is_minimum(found[0]) else None
+
+
+def _is_minimum(solution: Solution) -> bool:
+    """Whether a path was found that no variation is known to lower."""
+    if solution.success and solution.stats["rung"] in {way.name for way in CHEAP}:  # these descend
+        return True
+    with suppress(ValueError):  # where L is not convex in the rates
+        return solution.success and not solution.inertia.index
+    return False
+
+
 # -- from a nearer end ---------------------------------------------------------------------------
 
 
@@ -178,28 +221,55 @@ def follow_outwards(problem: Problem, guess: Guess | None, choices: Choices, fou
     merged with another path, and no path of its kind is there beyond.
     """
     solution, message = found
-    plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
     unsettled = solution.status is Status.UNRESOLVED  # as a path round a sharp turn may be
     unsettled &= problem.system.F is not None or choices.principle == "least"
     lost = unsettled or solution.status is Status.NOT_FOUND
-    if not (plain and lost and choices.principle != "stationary" and _extends(problem)):
+    if not (lost and _may_follow(problem, guess, choices)):
         return found
+    far, way = _outwards(problem, choices)
+    return far or (solution, message + way)
+
+
+def _geodesic(problem: Problem, choices: Choices) -> Found | None:
+    """Return the least geodesic that is found soon, or how far one was followed.
+
+    None where neither is known. A film between rings that are too far apart is told so.
+    """
+    if problem.system.F is None or choices.principle == "least":
+        return None
+    solution, message = between(problem, None, replace(choices, strategies=QUICK))
+    if not solution.success:
+        far, way = _outwards(problem, choices)
+        if far is None:
+            return (solution, message + way) if way and solution.status in LOST else None
+        solution, message = far
+    return (solution, message) if _is_minimum(solution) else None
+
+
+def _outwards(problem: Problem, choices: Choices) -> tuple[Found | None, str]:
+    """Return the path that was followed from a nearer end, if one was; else how far one goes."""
     with suppress(OutOfTime, ValueError):
         far, part = _follow_to_end(problem, choices)
         if far is not None and choices.principle == "least" and far.inertia.index:
             far = replace(far, status=Status.NOT_LEAST)
-            return far, message_of(far, choices.tol)
+            return (far, message_of(far, choices.tol)), ""
         if far is not None:
-            return far, ""
+            return (far, ""), ""
         if part > 0:
             way = f"t = {problem.start.t + part * problem.duration:.4g}"
             if problem.system.F is not None:
                 way = f"{part:.4g} of the way"
-            message += (
+            return None, (
                 f"; a path that ends earlier was followed as its end moved on, as far as {way}, "
                 "where it was lost, as a rule because it merges with another there and both end"
             )
-    return solution, message
+    return None, ""
+
+
+def _may_follow(problem: Problem, guess: Guess | None, choices: Choices) -> bool:
+    """Whether a path may be followed from a nearer end."""
+    plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
+    return plain and choices.principle != "stationary" and _extends(problem)
 
 
 def _extends(problem: Problem) -> bool:

@@ -130,6 +130,7 @@ class Search:
     found_by: str = ""
     least: bool = False
     curved: bool = False  # whether a path is sought from a curved line
+    straight: bool = False  # whether it is sought from no other
     may_be_least: bool = False
     around: Search | None = None  # the same from a curved line, once it was begun
     lost: list[tuple[bool, Iterate]] = field(default_factory=list)  # what could not be refined
@@ -165,7 +166,7 @@ class Search:
 
         What fails leaves nothing but a path that was near.
         """
-        if self.curved or self.ws.problem.system.n == 1 or self._large:
+        if self.curved or self.straight or self.ws.problem.system.n == 1 or self._large:
             return Status.NOT_FOUND
         around, done = self.around, CURVED_FIRST
         if around is None:

@@ -256,5 +256,6 @@ IPOPT: tuple[Strategy, ...] = (
     Root("stationary", (8, 16, 32)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
+QUICK = STRATEGIES[:3]  # what finds most paths at once; curved lines are not tried then
 CHEAP = STRATEGIES[:2]  # what takes some hundredths of a second, whatever comes of it
 GUESS_ONLY: tuple[Strategy, ...] = ()  # do not search away from the guess
