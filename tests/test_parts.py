@@ -72,7 +72,7 @@ ACROSS = Problem(FREE, Event(1.0, [0.5, 0.0]), Event(3.0, [2.0, -1.0]))
 
 
 def test_in_vain_as_much_may_be_spent_as_on_paths_that_were_found():
-    spent = budget.Budget(limited=True)
+    spent = budget.Budget(limited=True, coordinates=2)
     spent.count("", 1, None, {"elements": budget.FREE_BUDGET - 1.0})
     assert spent.allows
     spent.count("", 2, None, {"elements": 1.0})
@@ -82,13 +82,14 @@ def test_in_vain_as_much_may_be_spent_as_on_paths_that_were_found():
     assert spent.allows
     spent.count("", 3, None, {"elements": 2.0})
     assert not spent.allows
-    free = budget.Budget(limited=False)
+    free = budget.Budget(limited=False, coordinates=2)
     free.count("", 1, None, {"elements": 1e9})
     assert free.allows
 
 
 def test_beside_known_paths_a_search_ends_with_the_budget_of_the_members_left():
-    spent, few = budget.Budget(limited=True), budget.FEW_LEFT + 2.0 * budget.EACH_LEFT
+    spent = budget.Budget(limited=True, coordinates=2)
+    few = budget.FEW_LEFT + 2.0 * budget.EACH_LEFT
     spent.begin(1000, 1, turned=False)
     assert spent.limit == budget.FREE_BUDGET
     spent.well = 5.0
@@ -106,17 +107,17 @@ def test_beside_known_paths_a_search_ends_with_the_budget_of_the_members_left():
     spent.vain = 0.0
     spent.begin(2, 1, turned=False)  # there are others
     assert spent.limit == budget.FREE_BUDGET
-    free = budget.Budget(limited=False)
+    free = budget.Budget(limited=False, coordinates=2)
     free.begin(2, 1, turned=True)
     free.count("", 1, None, {"elements": 1e9})
     assert free.allows
 
 
 def test_past_a_fold_a_search_costs_more_only_where_most_members_are_beyond():
-    spent = budget.Budget(limited=True)
+    spent = budget.Budget(limited=True, coordinates=2)
     spent.begin(10, 8, turned=True)
     assert spent.limit == spent.most == budget.PAST_FOLD + 2.0 * budget.EACH_LEFT
-    few = budget.Budget(limited=True)
+    few = budget.Budget(limited=True, coordinates=2)
     few.begin(8, 10, turned=True)
     assert few.limit == budget.PAST_FOLD
     few.note_found(0.0)
@@ -124,6 +125,9 @@ def test_past_a_fold_a_search_costs_more_only_where_most_members_are_beyond():
     assert few.most == budget.FEW_LEFT
     few.begin(8, 10, turned=False)
     assert few.most == np.inf
+    alone = budget.Budget(limited=True, coordinates=1)
+    alone.begin(8, 10, turned=True)
+    assert alone.limit == budget.PAST_FOLD_ALONE < budget.PAST_FOLD
 
 
 def test_what_takes_longest_is_tried_on_the_first_and_on_the_finest_mesh(monkeypatch):

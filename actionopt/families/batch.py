@@ -189,7 +189,7 @@ class _Members:
         self.meshes: list[Mesh] = []
         self.messages: dict[int, str] = {}
         self.errors: dict[int, str] = {}
-        self.budget = Budget(limited)
+        self.budget = Budget(limited, n)
         self.levels: list[_MeshLevel] = []
         self.base = 0
         self.seeds = np.zeros((k, 0, n))  # of known members, on the mesh of the level `base`

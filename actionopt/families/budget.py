@@ -22,6 +22,7 @@ FEW_LEFT, EACH_LEFT = 12_000, 2_000
 # The same where the branch turns back before a member, at a fold: 35 of 39 searches that succeed,
 # on ten maps, take less; and for each by which more members are left than are solved.
 PAST_FOLD = 9_000
+PAST_FOLD_ALONE = 3_000  # with one coordinate, of which searches that succeed take 1,200 to 2,800
 BRIEF = 300  # of a search beyond that; descents that succeed take 80 to 170, on five maps
 
 
@@ -32,8 +33,9 @@ class Exhausted(Exception):
 class Budget:
     """The cost of paths that were found, and of searches in vain; `limited` or not."""
 
-    def __init__(self, limited: bool) -> None:
+    def __init__(self, limited: bool, coordinates: int) -> None:
         self.limited, self.found = limited, False  # whether a search found a path
+        self.past_fold = PAST_FOLD if coordinates > 1 else PAST_FOLD_ALONE
         self.limit = FREE_BUDGET if limited else math.inf
         self.well, self.vain, self.most = 0.0, 0.0, math.inf
 
@@ -55,7 +57,7 @@ class Budget:
         """
         past_fold = self.limited and turned
         if self.limited and not (self.vain or self.found):
-            few, many = (PAST_FOLD, max(left - solved, 0)) if turned else (FEW_LEFT, left)
+            few, many = (self.past_fold, max(left - solved, 0)) if turned else (FEW_LEFT, left)
             self.limit = min(FREE_BUDGET, few + EACH_LEFT * many)
         if not self.allows:
             self.most = self.vain + BRIEF
