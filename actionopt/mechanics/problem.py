@@ -385,6 +385,14 @@ class Problem:
         return self.start.t is None or self.end.t is None
 
     @property
+    def may_cross_kinks(self) -> bool:
+        """Whether L has kinks in q that a path may cross, and the question is no other kind."""
+        law = self.system
+        if law.order > 1 or law.m or law.r or law.structure.forced:
+            return False
+        return not (self.through or self.closes) and law.branches is not None
+
+    @property
     def on_surface(self) -> bool:
         """Whether an event lies on a surface, where on it is to be found."""
         return self.start.on is not None or self.end.on is not None

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -20,7 +20,7 @@ from actionopt.mechanics.evaluation import NumericLaws
 from actionopt.mechanics.identity import general_states, vanishes
 from actionopt.mechanics.laws import Once
 from actionopt.mechanics.lengths import check_length, square
-from actionopt.mechanics.switches import minimum_parts
+from actionopt.mechanics.switches import KINKS, minimum_parts
 from actionopt.mechanics.tracing import (
     MULTIPLIERS,
     SWITCHES,
@@ -38,6 +38,9 @@ from actionopt.mechanics.tracing import (
 from actionopt.tools.checks import entries
 from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.mechanics.branches import Branches
 
 # Sizes of a motion that an obstacle counts as far away at most, and inside of it; ad hoc. What a
 # slope's square may be without being zero.
@@ -475,6 +478,13 @@ class System(NumericLaws):
         system = System.of_laws(self.symbols, laws, *known)
         system._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
         return system
+
+    @Once
+    def branches(self) -> Branches | None:
+        """Return where L has kinks in q, as far as these can be told; None where there are none."""
+        from actionopt.mechanics.branches import branches
+
+        return None if KINKS.isdisjoint(self.structure.operations) else branches(self)
 
     def with_parameters(self, more: Mapping[str, ArrayLike]) -> System:
         """Return the system with further parameters, which its laws do not contain.

@@ -113,7 +113,7 @@ def knots(table: ca.Function) -> Array:
     """
     if table.class_name() != "LinearInterpolant" or table.n_in() > 1 or table.numel_in(0) > 1:
         return np.empty(0)
-    points, values = _read(table)
+    points, values = read_table(table)
     if points.size <= MOST_WRITTEN:
         return points
     slopes = np.diff(values, axis=0) / np.diff(points)[:, None]
@@ -129,7 +129,7 @@ def points_of(table: ca.Function) -> Array:
     return found[0] if found else np.empty(0)
 
 
-def _read(table: ca.Function) -> tuple[Array, Array]:
+def read_table(table: ca.Function) -> tuple[Array, Array]:
     """Return the points (N,) of a linear table in one argument, and the values (N, results).
 
     None where they cannot be read.

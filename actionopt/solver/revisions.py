@@ -59,10 +59,13 @@ DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node a
 def revise_all(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path between events at given times, and the verdict with its figures."""
     found = _geodesic(problem, choices) if _may_follow(problem, guess, choices) else None
-    if found is None:
-        found = between(problem, guess, choices)
-        for revise in REVISIONS:
-            found = revise(problem, guess, choices, found)
+    return found or revise(problem, guess, choices, between(problem, guess, choices))
+
+
+def revise(problem: Problem, guess: Guess | None, choices: Choices, found: Found) -> Found:
+    """Return what was found between events at given times, or what it turns out to be."""
+    for revision in REVISIONS:
+        found = revision(problem, guess, choices, found)
     return found
 
 

@@ -1,0 +1,119 @@
+"""Paths that cross kinks of L in q: each side has a law, and the crossings are events.
+
+Newton's method does not see what a kink adds to the second derivatives. Where it lost the path, the
+path is sought as one of several legs, which passes from one branch of L to the next at times that
+are found, with the same momentum and energy. Which kinks it crosses, in which order, is read off
+the path at hand, and off the answer again until both agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.mechanics.branches import Branches
+from actionopt.mechanics.events import Event
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.tracing import SAMPLES
+from actionopt.solver.arguments import Guess, curve
+from actionopt.solver.between import Choices, Found, between
+from actionopt.solver.family import LOST
+from actionopt.solver.first_mesh import COARSE_DEGREE
+from actionopt.solver.near_guess import GUESS_MESHES
+from actionopt.solver.revisions import revise, revise_all
+from actionopt.solver.strategies import CHEAP, GUESS_ONLY
+from actionopt.solver.through import solve_through
+from actionopt.tools.types import NDInt
+
+MOST_CROSSINGS = 24  # of a path that is sought; ad hoc
+ROUNDS = 6  # in which the crossings of an answer are taken for the next; ad hoc
+TOGETHER = 1e-9  # of the duration: kinks nearer to one another are passed as one; ad hoc
+
+
+def cross_kinks(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return the path between events at given times, and the verdict with its figures.
+
+    It is sought as one of several laws where quick ways lose it; by all others then.
+    """
+    few = replace(choices, strategies=CHEAP if guess is None else GUESS_ONLY)
+    found = between(problem, guess, few)
+    if found[0].status not in LOST:
+        return revise(problem, guess, choices, found)
+    return _cross(problem, guess, choices, found[0].path) or revise_all(problem, guess, choices)
+
+
+def _cross(problem: Problem, guess: Guess | None, choices: Choices, attempt: Path) -> Found | None:
+    """Return a path of several laws that crosses kinks of L as one of the first paths does."""
+    branches = problem.system.branches
+    assert branches is not None
+    seen: list[NDInt] = []
+    for path in _first_paths(problem, guess, attempt):
+        kinks, pieces = crossings(branches, problem, path)
+        for _ in range(ROUNDS):
+            again = any(np.array_equal(pieces, other) for other in seen)
+            if not 0 < len(kinks) <= MOST_CROSSINGS or again:
+                break
+            seen.append(pieces)
+            legs = _legs(branches, problem, kinks, pieces)
+            known = choices.tol, path, choices.principle, choices.watch
+            solution, _ = solve_through(legs, *known)
+            if not solution.success:
+                break
+            path = solution.path
+            kinks, there = crossings(branches, problem, path)
+            if np.array_equal(there, pieces):
+                return solution, ""
+            pieces = there
+    return None
+
+
+def crossings(
+    branches: Branches, problem: Problem, path: Path
+) -> tuple[list[tuple[int, int]], NDInt]:
+    """Return which kinks a path crosses, one after the other, and the pieces on its legs (k+1, S).
+
+    Of each the number of the kink and that of its knot. Those that are crossed at once are one.
+    """
+    ends = problem.start.t, problem.end.t
+    t = np.unique(np.append(np.linspace(*ends, SAMPLES), path.mesh.nodes))[
+        1:-1
+    ]  # ends may be on one
+    x = branches.evaluate(path(t).T, t[:, None], problem.packed)[0].copy()
+    pieces = branches.pieces(x)
+    crossed = []
+    for k, which in np.argwhere(np.diff(pieces, axis=0)).tolist():
+        before, after = pieces[k : k + 2, which].tolist()
+        up = after > before
+        for knot in range(before, after) if up else range(before - 1, after - 1, -1):
+            off = branches.knots[which][knot] - x[k : k + 2, which]
+            when = t[k] + (t[k + 1] - t[k]) * off[0] / (off[0] - off[1])
+            crossed.append((when, which, knot, knot + up))
+    rows, kinks, last = [pieces[0]], [], -np.inf
+    for when, which, knot, piece in sorted(crossed):
+        if when - last > TOGETHER * problem.duration:
+            kinks.append((which, knot))
+            rows.append(rows[-1].copy())
+        rows[-1][which], last = piece, when
+    return kinks, np.array(rows)
+
+
+def _legs(
+    branches: Branches, problem: Problem, kinks: Sequence[tuple[int, int]], pieces: NDInt
+) -> Problem:
+    """Return the same question of a path that crosses these kinks."""
+    laws = [branches.law(row) for row in pieces.tolist()]
+    through = [Event(None, None, on=branches.surface(*kink)) for kink in kinks]
+    given = problem.parameters
+    return Problem(laws, problem.start, problem.end, parameters=given, through=through)
+
+
+def _first_paths(problem: Problem, guess: Guess | None, attempt: Path) -> Iterator[Path]:
+    """Yield paths whose crossings may be those of the answer."""
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, GUESS_MESHES[-1], COARSE_DEGREE)
+    if guess is not None:
+        yield curve(problem, guess)(mesh)
+    yield attempt
