@@ -10,11 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.crossing import CONTINUOUS
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.branches import Branches
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
@@ -41,7 +46,7 @@ def cross_kinks(problem: Problem, guess: Guess | None, choices: Choices) -> Foun
     """
     few = replace(choices, strategies=CHEAP if guess is None else GUESS_ONLY)
     found = between(problem, guess, few)
-    if found[0].status not in LOST:
+    if found[0].status not in (*LOST, Status.FLOOR):
         return revise(problem, guess, choices, found)
     return _cross(problem, guess, choices, found[0].path) or revise_all(problem, guess, choices)
 
@@ -51,22 +56,22 @@ def _cross(problem: Problem, guess: Guess | None, choices: Choices, attempt: Pat
     branches = problem.system.branches
     assert branches is not None
     seen: list[NDInt] = []
-    for path in _first_paths(problem, guess, attempt):
+    for path, led in _first_paths(problem, guess, attempt):
         kinks, pieces = crossings(branches, problem, path)
         for _ in range(ROUNDS):
-            again = any(np.array_equal(pieces, other) for other in seen)
+            again = led and any(np.array_equal(pieces, other) for other in seen)
             if not 0 < len(kinks) <= MOST_CROSSINGS or again:
                 break
             seen.append(pieces)
             legs = _legs(branches, problem, kinks, pieces)
-            known = choices.tol, path, choices.principle, choices.watch
+            known = choices.tol, path if led else None, choices.principle, choices.watch
             solution, _ = solve_through(legs, *known)
             if not solution.success:
                 break
-            path = solution.path
+            path, led = solution.path, True
             kinks, there = crossings(branches, problem, path)
             if np.array_equal(there, pieces):
-                return solution, ""
+                return None if _jumps(branches, problem, solution, pieces) else (solution, "")
             pieces = there
     return None
 
@@ -101,6 +106,20 @@ def crossings(
     return kinks, np.array(rows)
 
 
+def _jumps(branches: Branches, problem: Problem, solution: Solution, pieces: NDInt) -> bool:
+    """Return whether L jumps where a path passes from one law to the next: then it is none."""
+    given = problem.parameters
+    for event, row in zip(solution.problem.through, pairwise(pieces.tolist()), strict=True):
+        assert event.t is not None
+        q, v = solution(event.t), solution.velocity(event.t)
+        before, after = (
+            float(branches.law(one).lagrangian(q, v, event.t, parameters=given)) for one in row
+        )
+        if abs(after - before) > CONTINUOUS * max(abs(before), abs(after)):
+            return True
+    return False
+
+
 def _legs(
     branches: Branches, problem: Problem, kinks: Sequence[tuple[int, int]], pieces: NDInt
 ) -> Problem:
@@ -111,9 +130,13 @@ def _legs(
     return Problem(laws, problem.start, problem.end, parameters=given, through=through)
 
 
-def _first_paths(problem: Problem, guess: Guess | None, attempt: Path) -> Iterator[Path]:
-    """Yield paths whose crossings may be those of the answer."""
+def _first_paths(
+    problem: Problem, guess: Guess | None, attempt: Path
+) -> Iterator[tuple[Path, bool]]:
+    """Yield paths whose crossings may be those of the answer, and whether these are near it."""
     mesh = Mesh.uniform(problem.start.t, problem.end.t, GUESS_MESHES[-1], COARSE_DEGREE)
     if guess is not None:
-        yield curve(problem, guess)(mesh)
-    yield attempt
+        yield curve(problem, guess)(mesh), True
+    yield attempt, True
+    if guess is None:
+        yield Path(mesh, Transcription(problem, mesh, problem.lengths).straight().T), False
