@@ -34,31 +34,41 @@ from actionopt.solver.strategies import CHEAP, GUESS_ONLY
 from actionopt.solver.through import solve_through
 from actionopt.tools.types import NDInt
 
-MOST_CROSSINGS = 24  # of a path that is sought; ad hoc
-ROUNDS = 6  # in which the crossings of an answer are taken for the next; ad hoc
+# Kinks beyond which a path is sought as one of several laws at once, such as those of a table, and
+# how well the path is known from which these are read. Measured: a table of 60 points takes .6 to
+# 1.8 s for 2 to 15 s and more, one of 120 with 52 crossings 5 s.
+MANY, ROUGH = 16, 1e-2
+MOST_CROSSINGS = 64  # of a path that is sought; ad hoc
+CORRECTIONS = 6  # rounds in which the crossings of an answer are taken for the next; ad hoc
 TOGETHER = 1e-9  # of the duration: kinks nearer to one another are passed as one; ad hoc
 
 
 def cross_kinks(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path between events at given times, and the verdict with its figures.
 
-    It is sought as one of several laws where quick ways lose it; by all others then.
+    It is sought as one of several laws where quick ways lose it, or kinks are many; by all others
+    then.
     """
-    few = replace(choices, strategies=CHEAP if guess is None else GUESS_ONLY)
-    found = between(problem, guess, few)
-    if found[0].status not in (*LOST, Status.FLOOR):
-        return revise(problem, guess, choices, found)
-    return _cross(problem, guess, choices, found[0].path) or revise_all(problem, guess, choices)
-
-
-def _cross(problem: Problem, guess: Guess | None, choices: Choices, attempt: Path) -> Found | None:
-    """Return a path of several laws that crosses kinks of L as one of the first paths does."""
     branches = problem.system.branches
     assert branches is not None
+    many = sum(knots.size for knots in branches.knots) > MANY
+    strategies = CHEAP if guess is None else GUESS_ONLY
+    tol = max(choices.tol, ROUGH) if many else choices.tol
+    found = between(problem, guess, replace(choices, tol=tol, strategies=strategies))
+    if not many and found[0].status not in (*LOST, Status.FLOOR):
+        return revise(problem, guess, choices, found)
+    crossed = _cross(branches, problem, guess, choices, found[0].path)
+    return crossed or revise_all(problem, guess, choices)
+
+
+def _cross(
+    branches: Branches, problem: Problem, guess: Guess | None, choices: Choices, attempt: Path
+) -> Found | None:
+    """Return a path of several laws that crosses kinks of L as one of the first paths does."""
     seen: list[NDInt] = []
     for path, led in _first_paths(problem, guess, attempt):
         kinks, pieces = crossings(branches, problem, path)
-        for _ in range(ROUNDS):
+        for _ in range(CORRECTIONS):
             again = led and any(np.array_equal(pieces, other) for other in seen)
             if not 0 < len(kinks) <= MOST_CROSSINGS or again:
                 break
