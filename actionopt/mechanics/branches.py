@@ -8,7 +8,7 @@ path changes sides it passes from one law to the next, with the same momentum an
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,12 +20,9 @@ from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import LINEAR_TABLE, Node
 from actionopt.tools.types import Array, NDInt
 
-if TYPE_CHECKING:
-    from actionopt.mechanics.system import System
-
-ABOVE = {ca.OP_FABS, ca.OP_SIGN}  # of one operand, whose sign counts
-COMPARED = {ca.OP_LT, ca.OP_LE}
-LESSER = {*COMPARED, ca.OP_FMIN, ca.OP_FMAX}  # of two, whose order counts
+TWO_SIDED = {ca.OP_FABS, ca.OP_SIGN}  # of one operand, whose sign counts
+ORDERED = {ca.OP_LT, ca.OP_LE}
+LESSER = {*ORDERED, ca.OP_FMIN, ca.OP_FMAX}  # of two, whose order counts
 LOGIC = {ca.OP_AND, ca.OP_OR, ca.OP_NOT, ca.OP_IF_ELSE_ZERO}  # of comparisons
 SIDES = np.zeros(1)
 
@@ -45,7 +42,7 @@ class Branches:
         The arguments, (K, S), of (q, t, p).
     """
 
-    system: System
+    system: Any  # one that imports this module
     arguments: tuple[ca.SX, ...]
     knots: tuple[Array, ...]
     evaluate: Pointwise
@@ -55,16 +52,15 @@ class Branches:
         found = [np.searchsorted(at, row) for at, row in zip(self.knots, x.T, strict=True)]
         return np.stack(found, axis=1)
 
-    def law(self, pieces: Sequence[int]) -> System:
+    def law(self, pieces: Sequence[int]) -> Any:
         """Return the system on these pieces (S,)."""
-        from actionopt.mechanics.system import System
-
         s = self.system
-        law = _fold(s, pieces)[0]
+        found = _fold(s, pieces)
+        assert found is not None
         known = s.coordinates, s.table, s.name, s.source
         return s.memoize(
             f"on pieces {tuple(pieces)}",
-            lambda: System.of_laws(s.symbols, (law, s.f, s.Q), *known),
+            lambda: s.of_laws(s.symbols, (found[0], s.f, s.Q), *known),
         )
 
     def surface(self, which: int, knot: int) -> Callable[..., ca.SX]:
@@ -83,7 +79,7 @@ class Branches:
         return on
 
 
-def branches(system: System) -> Branches | None:
+def branches(system: Any) -> Branches | None:
     """Return where L has kinks in q; None where it has none, or others, such as those in v."""
     found = _fold(system, None)
     if found is None or not found[1]:
@@ -95,7 +91,7 @@ def branches(system: System) -> Branches | None:
 
 
 def _fold(
-    system: System, pieces: Sequence[int] | None
+    system: Any, pieces: Sequence[int] | None
 ) -> tuple[ca.SX, list[tuple[ca.SX, Array]]] | None:
     """Return L on these pieces, or as it is, and where it has kinks; None for kinks of others."""
     s = system.symbols
@@ -120,12 +116,12 @@ def _fold(
         if code not in KINKS - LOGIC or not (moves or rates):
             return value, moves, rates
         held = value
-        if code in ABOVE:
+        if code in TWO_SIDED:
             side = 2 * piece(x[0]) - 1
             held = side * x[0] if code == ca.OP_FABS else ca.SX(side)
         elif code in LESSER:
             side = piece(x[1] - x[0])
-            held = ca.SX(side) if code in COMPARED else x[side == (code == ca.OP_FMAX)]
+            held = ca.SX(side) if code in ORDERED else x[side == (code == ca.OP_FMAX)]
         elif code == LINEAR_TABLE and (points := read_table(node.function)[0]).size > 2:
             y, k = read_table(node.function)[1][:, node.nonzero], piece(x[0], points[1:-1])
             slope = (y[k + 1] - y[k]) / (points[k + 1] - points[k])

@@ -37,9 +37,9 @@ from actionopt.tools.types import NDInt
 # Kinks beyond which a path is sought as one of several laws at once, such as those of a table, and
 # how well the path is known from which these are read. Measured: a table of 60 points takes .6 to
 # 1.8 s for 2 to 15 s and more, one of 120 with 52 crossings 5 s.
-MANY, ROUGH = 16, 1e-2
+MANY, ROUGHLY_KNOWN = 16, 1e-2
 MOST_CROSSINGS = 64  # of a path that is sought; ad hoc
-CORRECTIONS = 6  # rounds in which the crossings of an answer are taken for the next; ad hoc
+CROSSING_ROUNDS = 6  # rounds in which the crossings of an answer are taken for the next; ad hoc
 TOGETHER = 1e-9  # of the duration: kinks nearer to one another are passed as one; ad hoc
 
 
@@ -53,7 +53,7 @@ def cross_kinks(problem: Problem, guess: Guess | None, choices: Choices) -> Foun
     assert branches is not None
     many = sum(knots.size for knots in branches.knots) > MANY
     strategies = CHEAP if guess is None else GUESS_ONLY
-    tol = max(choices.tol, ROUGH) if many else choices.tol
+    tol = max(choices.tol, ROUGHLY_KNOWN) if many else choices.tol
     found = between(problem, guess, replace(choices, tol=tol, strategies=strategies))
     if not many and found[0].status not in (*LOST, Status.FLOOR):
         return revise(problem, guess, choices, found)
@@ -68,8 +68,8 @@ def _cross(
     seen: list[NDInt] = []
     for path, led in _first_paths(problem, guess, attempt):
         kinks, pieces = crossings(branches, problem, path)
-        for _ in range(CORRECTIONS):
-            again = led and any(np.array_equal(pieces, other) for other in seen)
+        for _ in range(CROSSING_ROUNDS):
+            again = led and any(_alike(pieces, other) for other in seen)
             if not 0 < len(kinks) <= MOST_CROSSINGS or again:
                 break
             seen.append(pieces)
@@ -80,10 +80,14 @@ def _cross(
                 break
             path, led = solution.path, True
             kinks, there = crossings(branches, problem, path)
-            if np.array_equal(there, pieces):
+            if _alike(there, pieces):
                 return None if _jumps(branches, problem, solution, pieces) else (solution, "")
             pieces = there
     return None
+
+
+def _alike(one: NDInt, other: NDInt) -> bool:
+    return one.shape == other.shape and bool((one == other).all())
 
 
 def crossings(
