@@ -55,13 +55,14 @@ class Branches:
     def law(self, pieces: Sequence[int]) -> Any:
         """Return the system on these pieces (S,)."""
         s = self.system
-        found = _fold(s, pieces)
-        assert found is not None
-        known = s.coordinates, s.table, s.name, s.source
-        return s.memoize(
-            f"on pieces {tuple(pieces)}",
-            lambda: s.of_laws(s.symbols, (found[0], s.f, s.Q), *known),
-        )
+
+        def build() -> Any:
+            found = _fold(s, pieces)
+            assert found is not None
+            known = s.coordinates, s.table, s.name, s.source
+            return s.of_laws(s.symbols, (found[0], s.f, s.Q), *known)
+
+        return s.memoize(f"on pieces {tuple(pieces)}", build)
 
     def surface(self, which: int, knot: int) -> Callable[..., ca.SX]:
         """Return on(q, t) of the surface at a knot of an argument."""
