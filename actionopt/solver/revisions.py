@@ -58,8 +58,7 @@ DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node a
 
 def revise_all(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path between events at given times, and the verdict with its figures."""
-    found = _geodesic(problem, choices) if _may_follow(problem, guess, choices) else None
-    return found or revise(problem, guess, choices, between(problem, guess, choices))
+    return revise(problem, guess, choices, between(problem, guess, choices))
 
 
 def revise(problem: Problem, guess: Guess | None, choices: Choices, found: Found) -> Found:
@@ -224,55 +223,28 @@ def follow_outwards(problem: Problem, guess: Guess | None, choices: Choices, fou
     merged with another path, and no path of its kind is there beyond.
     """
     solution, message = found
+    plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
     unsettled = solution.status is Status.UNRESOLVED  # as a path round a sharp turn may be
     unsettled &= problem.system.F is not None or choices.principle == "least"
     lost = unsettled or solution.status is Status.NOT_FOUND
-    if not (lost and _may_follow(problem, guess, choices)):
+    if not (plain and lost and choices.principle != "stationary" and _extends(problem)):
         return found
-    far, way = _outwards(problem, choices)
-    return far or (solution, message + way)
-
-
-def _geodesic(problem: Problem, choices: Choices) -> Found | None:
-    """Return the least geodesic that is found soon, or how far one was followed.
-
-    None where neither is known. A film between rings that are too far apart is told so.
-    """
-    if problem.system.F is None or choices.principle == "least":
-        return None
-    solution, message = between(problem, None, replace(choices, strategies=QUICK))
-    if not solution.success:
-        far, way = _outwards(problem, choices)
-        if far is None:
-            return (solution, message + way) if way and solution.status in LOST else None
-        solution, message = far
-    return (solution, message) if _is_minimum(solution) else None
-
-
-def _outwards(problem: Problem, choices: Choices) -> tuple[Found | None, str]:
-    """Return the path that was followed from a nearer end, if one was; else how far one goes."""
     with suppress(OutOfTime, ValueError):
         far, part = _follow_to_end(problem, choices)
         if far is not None and choices.principle == "least" and far.inertia.index:
             far = replace(far, status=Status.NOT_LEAST)
-            return (far, message_of(far, choices.tol)), ""
+            return far, message_of(far, choices.tol)
         if far is not None:
-            return (far, ""), ""
+            return far, ""
         if part > 0:
             way = f"t = {problem.start.t + part * problem.duration:.4g}"
             if problem.system.F is not None:
                 way = f"{part:.4g} of the way"
-            return None, (
+            message += (
                 f"; a path that ends earlier was followed as its end moved on, as far as {way}, "
                 "where it was lost, as a rule because it merges with another there and both end"
             )
-    return None, ""
-
-
-def _may_follow(problem: Problem, guess: Guess | None, choices: Choices) -> bool:
-    """Whether a path may be followed from a nearer end."""
-    plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
-    return plain and choices.principle != "stationary" and _extends(problem)
+    return solution, message
 
 
 def _extends(problem: Problem) -> bool:
