@@ -509,3 +509,11 @@ def test_a_path_from_a_later_time_is_a_guess():
     ask = lambda t: ao.Problem(KINK, ao.Event(t, [0.2]), ao.Event(INF, [1.0]))  # noqa: E731
     known = ao.solve(ask(0.0))
     assert ao.solve(ask(-0.5), guess=known).action == pytest.approx(known.action, rel=1e-9)
+
+
+@pytest.mark.parametrize("zero", [1e-300, np.cos(np.pi / 2), 2e-15])
+def test_a_zero_of_a_rest_may_be_round_off(zero):
+    law = lambda q, v, t: v @ v / 2 + (q[1] ** 2 - 1) ** 2 / 2 + q[0] ** 2 / 2  # noqa: E731
+    ends = ao.Event(-INF, [zero, -1.0]), ao.Event(INF, [0.0, 1.0])
+    found = ao.solve(ao.Problem(ao.System(law, ["x", "y"]), *ends))
+    assert found.action == pytest.approx(4 / 3, rel=1e-9)

@@ -83,7 +83,8 @@ class Inertia:
             raise ValueError(
                 f"expected signs of the second variation that are known, found an index of "
                 f"{self.index} and a nullity of {self.nullity}: round-off, as where times of "
-                "contact are all but the same; a smaller tol or other events may tell"
+                "contact are all but the same, or where integrals depend on one another; a smaller "
+                "tol or other events may tell"
             )
 
     @property

@@ -31,6 +31,7 @@ from actionopt.tools.types import EPS, Array
 # Ad hoc, where nothing else is said.
 SLOWEST_DECAY = 1e-7  # rate of decay, relative to the fastest: slower ones count as zero
 GRAPH = 1e-10  # singular values of the subspace's coordinates, at least: else it is no graph over q
+ROUNDED_ZERO = 16 * EPS  # of what others are as large as: a coordinate that stands for zero
 NEAR_REST = 1e-6  # of the coordinates' size: how far from an equilibrium one may be given
 REST_STEPS = 8
 RESTS_KEPT = 16  # of a system
@@ -229,14 +230,14 @@ class _Linearization:
         It moves the others by a part of theirs, and these go with them; or it is of round-off, in
         the units that the mass matrix has in common for all.
         """
-        bare = size == 0
+        unit = np.sqrt(np.abs(np.diagonal(self.C)))
+        rounded = ROUNDED_ZERO * (unit @ size) / np.where(unit > 0, unit, np.inf)
+        bare = size <= rounded
         found = np.zeros(size.size)
         if bare.any() and not bare.all():
             free = np.r_[bare, np.ones(self.f.size, bool)]
             rows = self._matrix()[free]
             by = np.linalg.lstsq(rows[:, free], rows[:, ~free], rcond=None)[0][: bare.sum()]
-            unit = np.sqrt(np.abs(np.diagonal(self.C)))
-            rounded = EPS * (unit @ size) / np.where(unit > 0, unit, np.inf)
             found[bare] = np.abs(by) @ size[~bare] + rounded[bare] / NEAR_REST
         return found
 
