@@ -133,8 +133,15 @@ def test_of_a_problem_and_a_scene_in_a_file_the_scene_is_taken(tmp_path):
     assert from_file(file).problem.system.coordinates == ("theta",)
 
 
-@pytest.mark.parametrize("value", [np.ma.masked, np.ma.array([1.0, 9.0], mask=[0, 1])])
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.ma.masked,
+        np.ma.array([1.0, 9.0], mask=[0, 1]),
+        [np.ma.array([1, 9], mask=[0, 1]), [1, 1]],
+    ],
+)
 def test_what_is_masked_is_no_number(value):
-    with pytest.raises(ValueError, match="what is masked is none"):
+    with pytest.raises(ValueError, match="masked entries are no numbers"):
         numbers(value, "the masses")
     assert numbers(np.ma.array([1.0, 9.0]), "the masses").tolist() == [1, 9]

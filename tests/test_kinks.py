@@ -39,3 +39,11 @@ def test_a_jump_is_not_crossed_as_a_kink():
     step = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.where(q[0] > 0, 0.3, 0) - abs(q[0]), ["x"])
     asked = ao.Problem(step, ao.Event(0.0, [1.0]), ao.Event(3.0, [-1.0]))
     assert ao.solve(asked, throw=False).status is ao.Status.JUMP
+
+
+def test_a_mesh_that_is_given_holds_for_tables_too():
+    x = np.linspace(-2, 2, 25)
+    table = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.interp(q[0], x, -np.cos(x)), ["x"])
+    ends = ao.Event(0.0, [-1.02]), ao.Event(2.5, [1.31])
+    found = ao.solve(ao.Problem(table, *ends), mesh=ao.Mesh.uniform(0, 2.5, 10, 6), throw=False)
+    assert (found.mesh.elements, found.problem.through) == (10, ())

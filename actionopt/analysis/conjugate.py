@@ -35,9 +35,8 @@ from actionopt.tools.types import EPS, Array, NDInt
 
 CONJUGATE_RESOLUTION = 1e-9  # of Jacobi fields and path; ad hoc, below `SAME_ROOT`
 # How far the number of phases that passed pi may be from whole, of what surely tells it; the degree
-# whose integrals tell it. The
-# angle that tangents are of, in no ratio to pi: where some phases are at a right angle to it they
-# lose digits. All ad hoc.
+# whose integrals tell it; the angle that tangents are of, in no ratio to pi: where some phases are
+# at a right angle to it they lose digits. All ad hoc.
 SURE_COUNT, GAUSS_DEGREE, TURNED = 0.1, 8, 1.0
 # Ad hoc, between round-off and the next root; in parts of the duration where it is a time.
 COUNT_HALVINGS = 8  # of parts of the time, most
@@ -46,7 +45,9 @@ CLOSEST_TIMES = 1e-9  # no shorter parts of the time are halved
 SAME_ROOT = 1e-8  # roots this close are one, of higher multiplicity
 # How far times move that have settled; and under constraints, whose multipliers have fewer digits.
 SETTLED_TIMES, SETTLED_HELD = 1e-9, 1e-5
-SETTLED_VALUE = 1e-6  # of which the square is left where the slope is known. Derived
+# Where the slope is known, a value whose square, a round-off, is left (derived); where it is not,
+# what is left itself.
+SETTLED_VALUE, SETTLED_ALONE = 1e-6, 1e-14
 PASS_STEPS = 100  # never reached: superlinear, four are many
 
 
@@ -390,7 +391,7 @@ def _passes(
     returns those of some, (B,), at the times t (B,). The time is interpolated as a function of the
     value: by a parabola through three, or through two with the slope, which leaves its square.
     """
-    settled = SETTLED_VALUE**2 if speed is None else SETTLED_VALUE
+    settled = SETTLED_ALONE if speed is None else SETTLED_VALUE
     t, value = np.stack([low, high]), np.stack([below, above])
     low, high, slow, guess = low.copy(), high.copy(), np.zeros(low.size, dtype=bool), low
     for _ in range(PASS_STEPS):

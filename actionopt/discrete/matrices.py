@@ -14,7 +14,7 @@ from actionopt.tools.types import Array
 
 
 class Matrices:
-    """Matrices of one sparsity."""
+    """Matrices of one sparsity, for one thread: all are handed over in the same memory."""
 
     def __init__(self, sparsity: ca.Sparsity) -> None:
         self._taker = _Taker(sparsity)

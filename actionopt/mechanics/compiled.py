@@ -131,7 +131,7 @@ class Pointwise:
 
     @cached_property
     def _columns(self) -> Columns | None:
-        """A function that takes a third of CasADi's time at very many times, or None."""
+        """The function for `VERY_MANY` times and more, or None."""
         from actionopt.mechanics.columns import Columns
 
         f = self.function

@@ -225,10 +225,10 @@ class _Linearization:
         return np.linalg.lstsq(self._matrix(), both, rcond=None)[0][: self.force.size]
 
     def unseen(self, size: Array) -> Array:
-        """Return how large coordinates of no `size` (n,) may be called that an error moves, (n,).
+        """Return sizes (n,) of coordinates that stand for zero, whose own `size` tells nothing.
 
-        It moves the others by a part of theirs, and these go with them; or it is of round-off, in
-        the units that the mass matrix has in common for all.
+        They go with the others, each of which may be off by a part of its size; or they are of
+        round-off, in the units that the mass matrix has in common for all.
         """
         unit = np.sqrt(np.abs(np.diagonal(self.C)))
         rounded = ROUNDED_ZERO * (unit @ size) / np.where(unit > 0, unit, np.inf)

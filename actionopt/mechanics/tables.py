@@ -132,7 +132,7 @@ def points_of(table: ca.Function) -> Array:
 def read_table(table: ca.Function) -> tuple[Array, Array]:
     """Return the points (N,) of a linear table in one argument, and the values (N, results).
 
-    None where they cannot be read.
+    Both are empty where they cannot be read.
     """
     known = _read_all(table)
     points, values = known[-1] if known else (np.empty(0), np.empty(0))

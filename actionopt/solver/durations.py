@@ -23,8 +23,8 @@ from actionopt.solver.iterate import ROUNDED
 from actionopt.solver.workspace import PATIENT
 from actionopt.tools.types import Array
 
-# Ad hoc: what comes of it is a guess.
-# Of a coordinate's size, which at zero is not known: how far from its start a well is looked for.
+# How far from its start a well is looked for, of a coordinate's size, which at zero is not known:
+# eight places a decade. Ad hoc, as are the next three: what comes of them is a guess.
 SEEN = np.logspace(-30, 30, 481)
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
 RATE_STEP = 1e6  # factor of a rate at once, at most, as its unit is unknown

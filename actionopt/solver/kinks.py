@@ -46,8 +46,8 @@ TOGETHER = 1e-9  # of the duration: kinks nearer to one another are passed as on
 def cross_kinks(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path between events at given times, and the verdict with its figures.
 
-    It is sought as one of several laws where quick ways lose it, or kinks are many; by all others
-    then.
+    It is sought as one of several laws where quick ways lose it, or kinks are many; where that
+    fails, in all other ways.
     """
     branches = problem.system.branches
     assert branches is not None
@@ -69,7 +69,7 @@ def _cross(
     for path, led in _first_paths(problem, guess, attempt):
         kinks, pieces = crossings(branches, problem, path)
         for _ in range(CROSSING_ROUNDS):
-            again = led and any(_alike(pieces, other) for other in seen)
+            again = led and any(np.array_equal(pieces, other) for other in seen)
             if not 0 < len(kinks) <= MOST_CROSSINGS or again:
                 break
             seen.append(pieces)
@@ -80,14 +80,10 @@ def _cross(
                 break
             path, led = solution.path, True
             kinks, there = crossings(branches, problem, path)
-            if _alike(there, pieces):
+            if np.array_equal(there, pieces):
                 return None if _jumps(branches, problem, solution, pieces) else (solution, "")
             pieces = there
     return None
-
-
-def _alike(one: NDInt, other: NDInt) -> bool:
-    return one.shape == other.shape and bool((one == other).all())
 
 
 def crossings(
@@ -98,9 +94,8 @@ def crossings(
     Of each the number of the kink and that of its knot. Those that are crossed at once are one.
     """
     ends = problem.start.t, problem.end.t
-    t = np.unique(np.append(np.linspace(*ends, SAMPLES), path.mesh.nodes))[
-        1:-1
-    ]  # ends may be on one
+    # Without the ends, which may be on a kink.
+    t = np.unique(np.append(np.linspace(*ends, SAMPLES), path.mesh.nodes))[1:-1]
     x = branches.evaluate(path(t).T, t[:, None], problem.packed)[0].copy()
     pieces = branches.pieces(x)
     crossed = []
@@ -121,7 +116,7 @@ def crossings(
 
 
 def _jumps(branches: Branches, problem: Problem, solution: Solution, pieces: NDInt) -> bool:
-    """Return whether L jumps where a path passes from one law to the next: then it is none."""
+    """Return whether L jumps where a path passes from one law to the next: it is no answer then."""
     given = problem.parameters
     for event, row in zip(solution.problem.through, pairwise(pieces.tolist()), strict=True):
         assert event.t is not None

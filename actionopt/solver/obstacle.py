@@ -65,15 +65,16 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 VANISHING = 1e-10, 1e-5
 # Steps of path and times of contact that need not be taken, in their sizes and the duration: a
 # thousandth of the tolerance, kept in this range. The path depends on the times to second order.
-# Newton's own step below the tolerance, and below a share of all parts, is the last: in 150
-# questions the next was a tenth of it at most.
+# Newton's own step below the tolerance, and below a share of all parts (ad hoc), is the last: in
+# 150 questions the next was a tenth of it at most.
 SETTLED_SHARE, SETTLED_STEPS, SHORT_STEP = 1e-3, (1e-13, 1e-9), 1e-4
 # A finer tolerance, and the degree with which the first elements, which are short, may meet it.
 # Measured round balls: less leaves out 3e-9, and another mesh takes a third of the time. Beams with
 # accelerations lost their contacts with it.
 FINE_TOL, FINE_DEGREE = 1e-8, 8
 # Ratio of Newton's own steps, twice, from where on their sum tells what comes: times of contact on
-# flat sides, where the slip grows as a high power k of the time, step by 1 - 1 / k of the last.
+# flat sides, where the slip grows as a high power k of the time, step by 1 - 1 / k of the last; ad
+# hoc.
 FLAT_RATE = 0.8
 RATE_DOUBT = 10.0  # times the ratio of two steps, that of the next: measured up to 8
 # Steps of the times of contact are round-off if two, shorter than this part of the duration, do not

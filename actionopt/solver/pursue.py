@@ -71,7 +71,8 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         yield from infinite(problem, guess, choices)
         return
     if not problem.has_free_boundary:
-        if choices.strategies is STRATEGIES and problem.may_cross_kinks:
+        plain = choices.strategies is STRATEGIES and choices.mesh is None
+        if plain and problem.may_cross_kinks:
             from actionopt.solver.kinks import cross_kinks
 
             yield cross_kinks(problem, guess, choices)

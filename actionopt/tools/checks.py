@@ -103,10 +103,11 @@ def numbers(value: object, what: str) -> np.ndarray:
 
 def _check_bare(value: Any, what: str) -> None:
     """Raise ValueError for what says more than numbers: units, labels (pandas, ...), or masks."""
-    masked = getattr(value, "mask", None) if isinstance(value, np.ndarray) else None
-    if masked is not None and np.any(masked):
+    parts = value if isinstance(value, (list, tuple)) else [value]
+    if any(isinstance(x, np.ndarray) and np.any(getattr(x, "mask", False)) for x in parts):
         raise ValueError(
-            f"expected numbers for {what}, found {value!r}: what is masked is none; give the others"
+            f"expected numbers for {what}, found {value!r}: masked entries are no "
+            "numbers; leave them out"
         )
     if isinstance(value, PLAIN_TYPES):
         return
