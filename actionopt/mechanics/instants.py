@@ -86,30 +86,19 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
             return None if of < 2 else (arguments[of][row], of == 2)
         if node.kind == "constant":
             return ca.SX(node.value), False
+        made = None
+        plain = [operand for operand in operands if operand is not None]
+        if len(plain) == len(operands):
+            made = node.of([x for x, _ in plain]), any([timed for _, timed in plain])
         # What has the sign of the time may be of the path.
         asked = operands[ZEROS[code] : ZEROS[code] + 1] if code in ZEROS else operands
-        x = [operand[0] for operand in asked if operand is not None]
-        timed = len(x) == len(asked) and any(operand[1] for operand in asked if operand)
-        made = None
-        if None not in operands:
-            plain = [operand[0] for operand in operands if operand is not None]
-            made = node.of(plain), any(operand[1] for operand in operands if operand)
-        if not timed:
-            return made
-        if code in ZEROS or code in DIFFERENCES:
-            zero = x[0] if code in ZEROS else x[0] - x[1]
-            smooth.append(zero)
-            steps.append(ca.sign(zero))
-        elif code in ROUNDING_CODES and made is not None:
-            smooth.append(x[0])
-            steps.append(made[0])
-        elif code in REMAINDERS and made is not None:
-            smooth.append(x[0] / x[1])
-            steps.append(ca.floor((x[0] - made[0]) / x[1] + 0.5))
-        elif code == LINEAR_TABLE and made is not None and (piece := _piece(node, x)) is not None:
-            smooth.append(x[0])
-            steps.append(piece)
-            most += pieces(node.function)
+        known = [operand for operand in asked if operand is not None]
+        if len(known) == len(asked) and any([timed for _, timed in known]):
+            found = _step(node, [x for x, _ in known], made[0] if made else None)
+            if found is not None:
+                smooth.append(found[0])
+                steps.append(found[1])
+                most += pieces(node.function) if code == LINEAR_TABLE else 0
         return made
 
     tape = Tape(arguments, laws)
@@ -130,6 +119,25 @@ def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
         Pointwise(ca.Function("rates", [s.t, s.p], [slopes, by_parameters])),
         most,
     )
+
+
+def _step(node: Node, x: list[ca.SX], value: ca.SX | None) -> tuple[ca.SX, ca.SX] | None:
+    """Return what is smooth where an operation of x steps, and the step; None if it has none.
+
+    `value` is what the operation gives, None if that is not of the time alone.
+    """
+    code = node.operation
+    if code in ZEROS or code in DIFFERENCES:
+        zero = x[0] if code in ZEROS else x[0] - x[1]
+        return zero, ca.sign(zero)
+    if value is None:
+        return None
+    if code in ROUNDING_CODES:
+        return x[0], value
+    if code in REMAINDERS:
+        return x[0] / x[1], ca.floor((x[0] - value) / x[1] + 0.5)
+    piece = _piece(node, x) if code == LINEAR_TABLE else None
+    return None if piece is None else (x[0], piece)
 
 
 def _piece(node: Node, x: list[ca.SX]) -> ca.SX | None:

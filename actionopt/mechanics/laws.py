@@ -170,15 +170,7 @@ class Laws:
         jumpless &= ca.OP_CALL not in L.operations  # a table ends with a step
         # Kinks matter only in second derivatives that would be taken for constant.
         smooth = not narrow or all(moved[:3]) or is_smooth_in_path(L)
-        laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
-        if self.m:
-            laws.append(("constraint_jacobian", 1, 0, 1))
-        if self.Q.numel():
-            laws.append(("force", 0, 0, 2))
-        seen: set[int] = set()
-        for name, output, q, _ in laws:
-            seen.update(self.pointwise(name).function.jac_sparsity(output, q).get_col())
-        timed = any(self._depends(name, k, (t,)) for name, k, _, t in laws)
+        timed, cyclic = self._absent_arguments()
         narrow = max(narrow, narrowness(Q))
         unseen, tailed = narrow == 2 or (narrow and timed), narrow or timed
         return Structure(
@@ -191,7 +183,7 @@ class Laws:
             affine_force=not moved[4] and is_smooth_in_path(Q),
             constraints=self.m,
             forced=self.Q.numel() > 0,
-            cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
+            cyclic=cyclic,
             smooth=narrow < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
             jumpless=jumpless,
             hides=not jumpless and self.order == 1 and _may_hide(L),
@@ -199,6 +191,19 @@ class Laws:
             operations=L.operations | f.operations | Q.operations,
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
+
+    def _absent_arguments(self) -> tuple[bool, tuple[str, ...]]:
+        """Return whether the time is in the equations of motion, and which coordinates are not."""
+        laws = [("first", 2, 2)]  # function, output, the input t; q is the first of all
+        if self.m:
+            laws.append(("constraint_jacobian", 1, 1))
+        if self.Q.numel():
+            laws.append(("force", 0, 2))
+        seen: set[int] = set()
+        for name, output, _ in laws:
+            seen.update(self.pointwise(name).function.jac_sparsity(output, 0).get_col())
+        timed = any(self._depends(name, output, (t,)) for name, output, t in laws)
+        return timed, tuple(c for i, c in enumerate(self.coordinates) if i not in seen)
 
     @Once
     def lagrangian_tape(self) -> Tape:

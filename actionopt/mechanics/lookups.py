@@ -111,6 +111,26 @@ def tables_in(law: Tape) -> dict[str, Array]:
     }
 
 
+def _lookup(
+    call: Node, operands: list[Node], tables: Mapping[str, Array], parameters: int
+) -> Lookup | None:
+    """Return what a call looks up in one of the tables; None if it is of none, or as they are not.
+
+    The values of a table are entries of the input `parameters`, and derivatives are by the
+    argument: the operands are the argument, the values, and of a derivative its direction.
+    """
+    points = tables.get(call.function.name().removeprefix(DERIVATIVE))
+    if points is None:
+        return None
+    values, along = operands[1 : points.size + 1], operands[points.size + 1 :]
+    if any(x.kind != "input" or x.entry[0] != parameters for x in values):
+        return None
+    if any(x.kind != "constant" or x.value for x in along[1:]):
+        return None
+    wanted = SLOPE if along else NUMBER if call.nonzero else VALUE
+    return Lookup(points, np.array([x.entry[1] for x in values]), wanted)
+
+
 def evaluator(
     name: str,
     inputs: Sequence[ca.SX],
@@ -144,21 +164,15 @@ def evaluator(
         depends = frozenset().union(*(x[1] for x in operands))
         if node.function is None:
             return node.of([x[0] for x in operands]), depends, node
-        called = node.function.name()
-        points = tables.get(called.removeprefix(DERIVATIVE))
-        count = 0 if points is None else points.size
-        y = [x[2] for x in operands[1 : count + 1]]
-        lost |= not count or any(x.kind != "input" or x.entry[0] != of for x in y)
-        lost |= not operands[0][1] <= {at, of}
-        along = operands[count + 1 :]  # a derivative by the argument, none by the values
-        lost |= any(x[2].kind != "constant" or x[2].value for x in along[1:])
-        if lost or points is None:
+        found = _lookup(node, [x[2] for x in operands], tables, of)
+        if found is None or not operands[0][1] <= {at, of}:
+            lost = True
             return ca.SX(0), depends, node
-        wanted = SLOPE if along else NUMBER if node.nonzero else VALUE
-        lookups.append(Lookup(points, np.array([x.entry[1] for x in y]), wanted))
+        lookups.append(found)
         places_of.append(operands[0][0])
         symbols.append(ca.SX.sym(f"looked{len(symbols)}"))
-        return symbols[-1] * (along[0][0] if along else 1), depends, node
+        along = operands[found.points.size + 1][0] if found.wanted == SLOPE else 1
+        return symbols[-1] * along, depends, node
 
     tape = Tape(inputs, outputs)
     made = tape.fold(write)

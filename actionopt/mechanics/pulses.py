@@ -17,7 +17,7 @@ one interval of the samples are not found. What depends on q is found along a pa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import casadi as ca
@@ -180,37 +180,44 @@ def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
             of, row = node.entry
             depends = (OF_PLACE, OF_STATE, OF_TIME, OF_NONE)[of]
             return None if depends > wanted else (arguments[of][row], depends)
+        slopes.extend(_slopes_of(node, operands, wanted, rate_of))
         plain = [operand for operand in operands if operand is not None]
-        u = operands[-1 if node.operation in QUOTIENTS else 0]
-        base, power = operands[0], operands[-1]
-        powers = node.operation in POWERS
-        if powers and base is not None and power is not None and power[1] == wanted:
-            slopes.append(-rate_of(power[0] * ca.log(base[0])))
-        if node.operation in SWITCHED and wanted == OF_PLACE and len(plain) == len(operands):
-            if max(depends for _, depends in plain) == wanted:
-                u = plain[0][0] - plain[1][0] if len(plain) == 2 else plain[0][0]
-                slopes.append(u * rate_of(u) / ABRUPT)
-        elif u is not None and u[1] == wanted:
-            if node.operation in EXPONENTIALS:
-                slopes.append(-rate_of(u[0]))
-            if node.operation in TAILS:
-                slopes.append(rate_of(u[0]) / u[0])
-            elif node.operation in PULSES:
-                slopes.append(2 * u[0] * rate_of(u[0]))
-        if (
-            node.operation == LINEAR_TABLE
-            and wanted == OF_PLACE
-            and u is not None
-            and u[1] == wanted
-        ):
-            slopes.extend((u[0] - w) * rate_of(u[0]) / ABRUPT for w in knots(node.function))
         if len(plain) < len(operands):
             return None
-        whole = node.of([x for x, _ in plain])
-        return whole, max(depends for _, depends in plain)
+        return node.of([x for x, _ in plain]), max(depends for _, depends in plain)
 
     Tape(arguments, laws).fold(expression)
     return slopes
+
+
+def _slopes_of(
+    node: Node,
+    operands: list[tuple[ca.SX, int] | None],
+    wanted: int,
+    rate_of: Callable[[ca.SX], ca.SX],
+) -> Iterator[ca.SX]:
+    """Yield the rates of the g of one operation; of each operand its expression, and on what."""
+    code, plain = node.operation, [operand for operand in operands if operand is not None]
+    known = len(plain) == len(operands)
+    if code in POWERS and known and plain[1][1] == wanted:
+        (base, _), (power, _) = plain
+        yield -rate_of(power * ca.log(base))
+    if code in SWITCHED and wanted == OF_PLACE and known and max(of for _, of in plain) == wanted:
+        u = plain[0][0] - plain[1][0] if len(plain) == 2 else plain[0][0]
+        yield u * rate_of(u) / ABRUPT
+    argument = operands[-1 if code in QUOTIENTS else 0]
+    if argument is None or argument[1] != wanted:
+        return
+    u = argument[0]
+    if code in EXPONENTIALS:
+        yield -rate_of(u)
+    if code in TAILS:
+        yield rate_of(u) / u
+    elif code in PULSES:
+        yield 2 * u * rate_of(u)
+    elif code == LINEAR_TABLE and wanted == OF_PLACE:
+        for w in knots(node.function):
+            yield (u - w) * rate_of(u) / ABRUPT
 
 
 def centres(known: Pointwise, start: float, end: float, packed: Array) -> list[float]:

@@ -217,24 +217,30 @@ def parameter_names(
     starred = any(p.kind is kinds.VAR_POSITIONAL for p in parameters)
     needed = [p for p in ahead if p.default is kinds.empty]
     if not starred and not len(needed) <= len(positional) <= len(ahead):
-        hint = ""
-        if role == "constraint" and len(needed) >= 3:
-            hint = (
-                "; a holonomic constraint f(q, t) = 0 restricts positions, not velocities: "
-                "integrate the velocity condition to one on the coordinates if it can be integrated"
-            )
-        elif role == "length" and len(needed) == 3:
-            hint = "; a length has no clock: time may not be in it"
-        elif "v" not in positional and len(needed) >= 2 and needed[1].name == "v":
-            hint = "; it says where a path may be, not how fast it is: leave out v"
-        elif len(needed) > len(positional):
-            extra = ", ".join(p.name for p in needed[len(positional) :])
-            hint = f"; put a * before the parameters ({extra})"
-        raise ValueError(f"expected {want}, found {role}({', '.join(p.name for p in ahead)}){hint}")
+        found = f"{role}({', '.join(p.name for p in ahead)})"
+        hint = _mend(role, positional, [p.name for p in needed])
+        raise ValueError(f"expected {want}, found {found}{hint}")
     if not starred:
         _check_order(role, positional, [p.name for p in ahead[: len(positional)]])
     names = [p.name for p in parameters if p.kind is kinds.KEYWORD_ONLY]
     return [*names, "**"] if any(p.kind is kinds.VAR_KEYWORD for p in parameters) else names
+
+
+def _mend(role: str, positional: Sequence[str], needed: list[str]) -> str:
+    """Return what to try with a callable that needs arguments other than the `positional`."""
+    if role == "constraint" and len(needed) >= 3:
+        return (
+            "; a holonomic constraint f(q, t) = 0 restricts positions, not velocities: "
+            "integrate the velocity condition to one on the coordinates if it can be integrated"
+        )
+    if role == "length" and len(needed) == 3:
+        return "; a length has no clock: time may not be in it"
+    if "v" not in positional and len(needed) >= 2 and needed[1] == "v":
+        return "; it says where a path may be, not how fast it is: leave out v"
+    if len(needed) > len(positional):
+        extra = ", ".join(needed[len(positional) :])
+        return f"; put a * before the parameters ({extra})"
+    return ""
 
 
 def order_of(callable_: Callable[..., Any]) -> int:
