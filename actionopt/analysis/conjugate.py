@@ -108,15 +108,20 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             r = at.problem.system.n - at.problem.system.m
             phases = Phases(assembled, assembled.jacobi_fields(), r)
             return _merge_roots(_counted_roots(phases, count), solution.problem)
+    return _merge_roots(_roots_of_parts(solution), solution.problem)
+
+
+def _roots_of_parts(solution: Solution) -> list[float]:
+    """Return the conjugate times of a path, part by part between its events."""
     roots: list[float] = []
     plane: Array | None = None
     before: Form | None = None
     for k, part in enumerate(solution.parts if solution.problem.through else (solution,)):
-        form = resolve(part.discrete, error, CONJUGATE_RESOLUTION, polish=True)
+        form = resolve(part.discrete, solution.error, CONJUGATE_RESOLUTION, polish=True)
         if any(term.phase for term in form.tr.nodal):  # no part of how neighbours move
             form = form_of(form.at, phase=False)
         if not form.freedom:
-            return ()
+            return []
         check_legendre(form)
         if before is not None and plane is not None:
             plane = carry(solution, k, plane, before, form)
@@ -130,7 +135,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
         ]
         before = form
         roots += _roots(Phases(form, found, held))
-    return _merge_roots(roots, solution.problem)
+    return roots
 
 
 def _merge_roots(roots: list[float], problem: Problem) -> tuple[ConjugatePoint, ...]:

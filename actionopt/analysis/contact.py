@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.analysis.solution import Solution, question
-from actionopt.discrete.crossing import BISECTIONS
 from actionopt.mechanics.events import State
+from actionopt.tools.bisection import bisect
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array, NDInt
@@ -89,8 +89,5 @@ def _bisect(solution: Solution, row: int, times: Array, change: NDInt) -> list[f
     if not low.size:
         return []
     first = solution.multipliers(low)[row] > 0
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        same = (solution.multipliers(middle)[row] > 0) == first
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    low, high = bisect(low, high, lambda t: (solution.multipliers(t)[row] > 0) == first)
     return ((low + high) / 2).tolist()

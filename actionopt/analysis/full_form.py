@@ -196,8 +196,5 @@ def _until(mesh: Mesh, t: float | None) -> Mesh:
 def _halve(mesh: Mesh, rounds: int) -> Mesh:
     """Return a mesh whose elements are halved some times."""
     for _ in range(rounds):
-        since = np.interp(
-            np.arange(2 * mesh.elements + 1) / 2, np.arange(mesh.elements + 1), mesh.since
-        )
-        mesh = mesh.cut(since, np.repeat(mesh.degrees, 2))
+        mesh = mesh.divide(np.full(mesh.elements, 2))
     return mesh

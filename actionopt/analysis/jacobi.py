@@ -245,10 +245,7 @@ def refine_where(mesh: Mesh, tail: Array, tol: float) -> Mesh | None:
             "neighbours are not determined"
         )
     degrees = np.where(coarse & ~split, degrees + 4, degrees)
-    parts = np.where(split, 2, 1)
-    b = mesh.since
-    pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
-    return mesh.cut(np.concatenate([*pieces, b[-1:]]), np.repeat(degrees, parts))
+    return mesh.divide(np.where(split, 2, 1), degrees)
 
 
 def coefficients_left_out(at: DiscretePath) -> Array:

@@ -188,8 +188,7 @@ def _through(solution: Solution) -> Monodromy:
             "expected ends of a path through events that are not conjugate, found that they are: "
             "begin a closed path elsewhere along itself"
         )
-    inverse = np.linalg.inv(b)
-    M = np.block([[-inverse @ a, -inverse], [b.T - c @ inverse @ a, -c @ inverse]])
+    M = _carry(a, b, c)
     order = list(problem.order) or list(range(n))
     rows = np.argsort(order)
     M = M[np.r_[rows, n + rows]].view(Monodromy)
@@ -214,9 +213,7 @@ def transport_matrix(form: Form) -> Array:
                 E[np.ix_(inner, inner)], E[np.ix_(inner, ends)]
             )
         a, b, c = S[:r, :r], (S[:r, r:] + S[r:, :r].T) / 2, S[r:, r:]
-        inverse = np.linalg.inv(b)
-        step = np.block([[-inverse @ a, -inverse], [b.T - c @ inverse @ a, -c @ inverse]])
-        M = step @ M
+        M = _carry(a, b, c) @ M
     # dq = units basis a, and p . dq is the same in both.
     unit = np.concatenate([form.units, 1 / form.units])
     frames = []
@@ -224,6 +221,15 @@ def transport_matrix(form: Form) -> Array:
         zero = np.zeros_like(Z)
         frames.append(np.block([[Z, zero], [zero, Z]]))
     return unit[:, None] * (frames[1] @ M @ frames[0].T) / unit
+
+
+def _carry(a: Array, b: Array, c: Array) -> Array:
+    """Return what carries (dq, dp) from start to end, of S_00 = a, S_01 = b and S_11 = c, (n, n).
+
+    By p0 = -S_0 and p1 = S_1.
+    """
+    inverse = np.linalg.inv(b)
+    return np.block([[-inverse @ a, -inverse], [b.T - c @ inverse @ a, -c @ inverse]])
 
 
 def _balance(M: Array) -> Array:

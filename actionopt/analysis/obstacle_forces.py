@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.obstacle import Arc
 from actionopt.tools.types import Array
@@ -44,7 +43,6 @@ def density(at: DiscretePath, contacts: tuple[Arc, ...], times: Array) -> Array:
         own = np.isin(tr.layout.element_of, inside)
         node = tr.layout.node_of[own] - mesh.offsets[a]
         values = np.bincount(node, nu[own, arc.row]) / np.bincount(node)
-        along = Mesh(mesh.boundaries[a : b + 1], np.array(mesh.degrees)[a:b])
         here = (arc.begin <= flat) & (flat <= arc.end)
-        found[arc.row, here] = Path(along, values[None])(flat[here])[0]
+        found[arc.row, here] = Path(mesh.part(a, b), values[None])(flat[here])[0]
     return found.reshape(-1, *times.shape) + 0.0

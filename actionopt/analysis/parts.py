@@ -11,7 +11,6 @@ import numpy as np
 from actionopt.analysis.flow import ZERO_SIZE
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Bounce, Event, State
@@ -98,10 +97,9 @@ def cut_at_contacts(at: DiscretePath, contacts: tuple[Arc, ...]) -> Iterator[Par
         ]
         part = Problem(law, *ends, parameters=problem.parameters)
         arcs = tuple(Arc(i, begin, end) for i in range(len(rows)))
-        own = Mesh(mesh.boundaries[a : b + 1], np.array(mesh.degrees)[a:b])
-        of_part = Transcription(Held(part, arcs) if arcs else part, own, tr.lengths)
+        of_part = Transcription(Held(part, arcs) if arcs else part, mesh.part(a, b), tr.lengths)
         known = DiscretePath(of_part, of_part.unknowns_of(places[first : last + 1]))
-        lam = np.zeros((len(rows), own.nodes.size))
+        lam = np.zeros((len(rows), last - first + 1))
         yield Part(part, known.path, known.action, lam, known)
 
 

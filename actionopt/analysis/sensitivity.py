@@ -193,21 +193,10 @@ def slopes(
             by_place[k] += by_q
         if between:
             by_place[k, free] = 0.0
-    if problem.has_tails:  # what is beyond the window's edges goes with the system
-        known = next(x for x in problem.rests if x is not None)
-        ends = np.array([[problem.start.t], [problem.end.t]])
-        at_rest = np.broadcast_to(known.q, (len(tr.times), known.q.size))
-        still, held = np.zeros_like(at_rest), np.tile(known.lam, (len(tr.times), 1))
-        level = explicit(system)(at_rest, still, tr.times, problem.packed, held)[1]
-        packed = packed - np.sum(tr.weight * level, axis=0)
-        for k, rest in ((0, problem.rests[0]), (-1, problem.rests[1])):
-            if rest is not None:  # S beyond the edge is one of q less its place at rest
-                by_q, by_p = _rest_by_parameters(problem, rest, float(ends[k, 0]))
-                change = momenta[k] @ by_q - (at.Q[k] - rest.q) @ by_p
-                packed = packed + (change if k else -change)
-        L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
-        times[0] = 0.0 if problem.start.side else times[0] + float(L[0])
-        times[-1] = 0.0 if problem.end.side else times[-1] - float(L[1])
+    if problem.has_tails:
+        packed, level = _with_rest(at, momenta, packed)
+        times[0] = 0.0 if problem.start.side else times[0] + level[0]
+        times[-1] = 0.0 if problem.end.side else times[-1] - level[1]
     return {
         "q0": by_place[0],
         "q1": by_place[-1],
@@ -216,6 +205,30 @@ def slopes(
         "integral": -problem.kappa,
         "parameters": packed,
     }
+
+
+def _with_rest(
+    at: DiscretePath, momenta: tuple[Array, Array], packed: Array
+) -> tuple[Array, Array]:
+    """Return the derivatives of S by parameters (p,) with those of what is beyond a window's edges.
+
+    That goes with the system, as the place of rest does. And L at rest at both edges, (2,).
+    """
+    tr, problem = at.tr, at.problem
+    system = problem.system
+    known = next(x for x in problem.rests if x is not None)
+    ends = np.array([[problem.start.t], [problem.end.t]])
+    at_rest = np.broadcast_to(known.q, (len(tr.times), known.q.size))
+    still, held = np.zeros_like(at_rest), np.tile(known.lam, (len(tr.times), 1))
+    level = explicit(system)(at_rest, still, tr.times, problem.packed, held)[1]
+    packed = packed - np.sum(tr.weight * level, axis=0)
+    for k, rest in ((0, problem.rests[0]), (-1, problem.rests[1])):
+        if rest is not None:  # S beyond the edge is one of q less its place at rest
+            by_q, by_p = _rest_by_parameters(problem, rest, float(ends[k, 0]))
+            change = momenta[k] @ by_q - (at.Q[k] - rest.q) @ by_p
+            packed = packed + (change if k else -change)
+    L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
+    return packed, L
 
 
 def _rest_by_parameters(problem: Problem, rest: Rest, t: float) -> tuple[Array, Array]:

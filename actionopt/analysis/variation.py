@@ -199,9 +199,7 @@ def resolve_eta(mesh: Mesh, eta) -> Mesh:
         coarse = resolution(mesh, values, np.full(values.shape[1], size)).omitted > ETA_RESOLUTION
         if not coarse.any():
             break
-        b, parts = mesh.since, np.where(coarse, 2, 1)
-        pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
-        mesh = mesh.cut(np.concatenate([*pieces, b[-1:]]), np.repeat(mesh.degrees, parts))
+        mesh = mesh.divide(np.where(coarse, 2, 1))
     return mesh
 
 

@@ -70,8 +70,7 @@ def with_boundaries(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
     inner = np.abs(new[:, None] - b[1:-1]).min(axis=0) > reach
     inner |= apart[:, 1:-1].min(axis=0) <= slack  # those at other instants stay
     since = np.sort(np.concatenate([b[:1], b[1:-1][inner], new, b[-1:]]))
-    middle = (since[:-1] + since[1:]) / 2
-    return mesh.cut(since, np.array(mesh.degrees)[np.searchsorted(b, middle) - 1])
+    return mesh.cut(since)
 
 
 def boundaries_at(mesh: Mesh, known: tuple[Instant, ...]) -> NDInt:
@@ -119,13 +118,12 @@ def _slack(mesh: Mesh) -> float:
 
 def split(path: Path, times: Sequence[float]) -> tuple[Path, ...]:
     """Return the parts of a path between events at times (k,), k + 1. Raises as that does."""
-    mesh, degrees = path.mesh, np.array(path.mesh.degrees)
+    mesh = path.mesh
     inner = find_boundaries(mesh, np.array(times))
     found = []
     for a, b in pairwise([0, *inner.tolist(), mesh.elements]):
-        part = Mesh(mesh.boundaries[a : b + 1], degrees[a:b])
         start, end = mesh.singular_ends
-        part = with_singular_ends(part, (start * (a == 0), end * (b == mesh.elements)))
+        part = with_singular_ends(mesh.part(a, b), (start * (a == 0), end * (b == mesh.elements)))
         nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
         rates = None if path.velocities is None else path.velocities[:, nodes]
         found.append(Path(part, path.values[:, nodes], rates))

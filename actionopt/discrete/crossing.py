@@ -28,9 +28,9 @@ from actionopt.discrete.energy_balance import (
 from actionopt.discrete.path import Path
 from actionopt.discrete.unsampled import unsampled_steps
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.switches import Switches
 from actionopt.mechanics.tracing import SAMPLES
+from actionopt.tools.bisection import bisect
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array
 
@@ -95,13 +95,10 @@ def first_crossing(found: Switches, problem: Problem, path: Path) -> Jump | None
         return None
     size = np.abs(L(times, c))
     size = size[np.isfinite(size)].max(initial=0.0)
-    low, high, before, after = times[changes], times[changes + 1], c[changes], c[changes + 1]
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        there = steps(middle)
-        same = (there == before).all(axis=1)
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-        after = np.where(same[:, None], after, there)
+    before = c[changes]
+    is_low = lambda t: (steps(t) == before).all(axis=1)  # noqa: E731
+    low, high = bisect(times[changes], times[changes + 1], is_low)
+    after = steps(high)
     heights = np.abs(L(high, after) - L(high, before))
     apart = np.flatnonzero(~(heights <= CONTINUOUS * size))
     first = _first_jump(problem, path, low[apart], high[apart])

@@ -134,11 +134,31 @@ class Mesh:
         boundaries[-1] = end
         return _restore(boundaries, np.array(since), degrees, singular_ends)
 
-    def cut(self, since: Array, degrees: int | ArrayLike) -> Mesh:
-        """Return other elements over the same times; `since` as for `over`."""
+    def cut(self, since: Array, degrees: int | ArrayLike | None = None) -> Mesh:
+        """Return other elements over the same times; `since` as for `over`.
+
+        Of no degrees they have those of the elements in which their middles are.
+        """
+        if degrees is None:
+            middles = (since[:-1] + since[1:]) / 2
+            degrees = np.array(self.degrees)[np.searchsorted(self.since, middles) - 1]
         return Mesh.over(
             self.boundaries[0], self.boundaries[-1], since, degrees, self.singular_ends
         )
+
+    def divide(self, parts: ArrayLike, degrees: ArrayLike | None = None) -> Mesh:
+        """Return the mesh with each element in so many equal `parts` (N,), each of its degree.
+
+        Or of one of the `degrees` (N,).
+        """
+        b, counts = self.since, np.asarray(parts)
+        pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(counts)]
+        degrees = np.repeat(self.degrees if degrees is None else degrees, counts)
+        return self.cut(np.concatenate([*pieces, b[-1:]]), degrees)
+
+    def part(self, first: int, last: int) -> Mesh:
+        """Return the elements from `first` to the one before `last`, as a mesh."""
+        return Mesh(self.boundaries[first : last + 1], self.degrees[first:last])
 
     @property
     def elements(self) -> int:

@@ -28,6 +28,7 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.switches import POWERS, QUOTIENTS, ROOTS, SUMS
 from actionopt.mechanics.tables import knots
 from actionopt.mechanics.tracing import SAMPLES, Symbols
+from actionopt.tools.bisection import BISECTIONS, bisect
 from actionopt.tools.tape import LINEAR_TABLE, Node, Tape
 from actionopt.tools.types import Array, NDInt
 
@@ -49,7 +50,6 @@ GROWN = 0.03  # 2 (h / s)^2 of a pulse one and a half times as wide, h being the
 SAMPLED_CHANGE = 0.1
 FOOT = 8.0  # of the distance s: a Gaussian is 1e-14 there, the force of a hyperbolic step 5e-5
 ABRUPT = 1e-30  # width, squared, of what has none: shorter than any unit of length; ad hoc
-BISECTIONS = 60  # between two samples there are no more floats to halve
 
 
 def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
@@ -262,11 +262,8 @@ def narrow_places(
         sides = [slopes(middle + by)[each, which].copy() for by in (-apart, apart)]
         return apart * np.fmax.reduce(np.abs(sides))
 
-    a, b, each = times[k], times[k + 1], np.arange(k.size)
-    for _ in range(BISECTIONS):
-        middle = a + (b - a) / 2
-        beyond = slopes(middle)[each, which] > 0
-        a, b = np.where(beyond, a, middle), np.where(beyond, middle, b)
+    each = np.arange(k.size)
+    _, b = bisect(times[k], times[k + 1], lambda t: ~(slopes(t)[each, which] > 0))
     hidden = rises(which, b, np.full(b.size, narrow)) > 1
     found, which, k = b[hidden], which[hidden], k[hidden]
     apart = np.full(found.size, narrow)

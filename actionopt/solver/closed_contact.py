@@ -16,12 +16,12 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.closed import LOOKED_AT, begin_later, states_beyond
 from actionopt.solver.iterate import ORDINARY
 from actionopt.solver.through import objection
 from actionopt.solver.verdict import message_of
+from actionopt.tools.bisection import bisect
 from actionopt.tools.types import EPS, Array
 
 NOT_MET = "the closed path found without its surface does not meet it: move the surface"
@@ -71,9 +71,5 @@ def _first_passage(problem: Problem, free: Solution) -> float | None:
     if not passed.size:
         return None
     k = int(passed[0])
-    low, high = since[k], since[k + 1]
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        same = off(np.array([middle]))[0] * values[k] > 0
-        low, high = (middle, high) if same else (low, middle)
-    return float(high)
+    _, high = bisect(since[[k]], since[[k + 1]], lambda s: off(s) * values[k] > 0)
+    return float(high[0])

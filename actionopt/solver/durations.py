@@ -7,7 +7,7 @@ no motion takes that curve, and a part of the largest rate is reckoned with ther
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from actionopt.analysis.shooting import hermite
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.scales import diagonal
 from actionopt.mechanics.system import System
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.iterate import ROUNDED
 from actionopt.solver.workspace import PATIENT
+from actionopt.tools.bisection import BISECTIONS, bisect
 from actionopt.tools.types import Array
 
 # How far from its start a well is looked for, of a coordinate's size, which at zero is not known:
@@ -275,18 +275,9 @@ def _tops(problem: Problem, a: Array, b: Array, energy: float) -> tuple[Array, f
     q = a[0] + np.linspace(0.0, 1.0, 10 * LINE)[1:-1] * (b[0] - a[0])
     known, height = np.sign(force(q)), potential(problem, q[:, None])
     turns = np.flatnonzero(np.diff(known))
-    low = _bisect(q[turns], q[turns + 1], lambda x: np.sign(force(x)) == known[turns])
+    low, _ = bisect(q[turns], q[turns + 1], lambda x: np.sign(force(x)) == known[turns])
     below = energy - TOP_ROUNDOFF * float(np.abs(height - energy).max(initial=0.0))
     return np.concatenate([q, low])[:, None], below
-
-
-def _bisect(low: Array, high: Array, is_low: Callable[[Array], Array]) -> Array:
-    """Return the last places from low to high, both (K,), at which something is as at the low."""
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        below = is_low(middle)
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return low
 
 
 def name_place(law: System, q: Array) -> str:
@@ -341,7 +332,7 @@ def between_turning_points(problem: Problem) -> Path | Array | None:
     x = centre + problem.scales[0] * np.concatenate([-SEEN[::-1], [0.0], SEEN])
     force, _ = at_rest(x)
     hills = np.flatnonzero((force[:-1] < 0) & (force[1:] >= 0))
-    x = np.union1d(x, _bisect(x[hills], x[hills + 1], lambda x: at_rest(x)[0] < 0))
+    x = np.union1d(x, bisect(x[hills], x[hills + 1], lambda x: at_rest(x)[0] < 0)[0])
     inside = at_rest(x)[1] > 0
     if not inside.any():
         return None
@@ -350,7 +341,7 @@ def between_turning_points(problem: Problem) -> Path | Array | None:
     if not (walls.size and walls[0] < k < walls[-1]):
         return None
     walls = np.array([walls[walls < k][-1], walls[walls > k][0]])
-    a, b = _bisect(x[walls + np.array([1, -1])], x[walls], lambda x: at_rest(x)[1] > 0).tolist()
+    a, b = bisect(x[walls + np.array([1, -1])], x[walls], lambda x: at_rest(x)[1] > 0)[0].tolist()
     if conserves_energy(system):
         forth, back = _passage(problem, a, b), _passage(problem, b, a)
         if forth and back:

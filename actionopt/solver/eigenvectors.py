@@ -61,8 +61,9 @@ def eigenvectors(
         nodes = mesh.offsets[-1] + rough.size * max(mesh.degrees)
         if nodes * problem.system.n > MOST_UNKNOWNS:
             return None
-        since = np.insert(mesh.since, rough + 1, mesh.since[rough] + mesh.lengths[rough] / 2)
-        mesh = mesh.cut(since, max(mesh.degrees))
+        parts = np.ones(mesh.elements, dtype=int)
+        parts[rough] = 2
+        mesh = mesh.divide(parts, np.full(mesh.elements, max(mesh.degrees)))
 
 
 def _on_mesh(

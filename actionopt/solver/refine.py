@@ -81,28 +81,18 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
             here = ws.here
             error = max(here.error, SAFETY * missed) + (here.misread() if here.is_misread else 0.0)
             if error != here.error:
-                here = ws.here = replace(here, error=error)
+                ws.here = replace(here, error=error)
+            here = None  # frees its factors before others are made
             if error <= tol:
-                if here.singular:
-                    return Status.UNRESOLVED
-                off = ws.find_imbalance()
-                if off is None and ws.here.error <= tol:
-                    return Status.SOLVED
-                if off is None:
-                    mesh = split(here.tr, here.z)
-                elif off.is_jump is True:
-                    return Status.JUMP
-                else:
-                    mesh = _cut(here.mesh, off)
+                status, mesh = _judge_between(ws, tol)
+                if mesh is None:
+                    return status
                 stalled += 1
             else:
-                stalled = stalled + 1 if missed > last / 2 else 0
                 mesh = split(ws.here.tr, ws.here.z)
-            # What is left may be the round-off of times or coordinates; many average it out.
-            if error > tol and (stalled or _size(ws, mesh) > AVERAGING_SIZE):
-                misread = here.misread()
-                if missed <= EXPLAINED_BY_ROUNDOFF * misread:
-                    ws.hint = _misread(ws, misread) if here.is_misread else ""
+                stalled = stalled + 1 if missed > last / 2 else 0
+                averaged = stalled or _size(ws, mesh) > AVERAGING_SIZE
+                if averaged and _is_misread(ws, missed):
                     return Status.FLOOR
             if stalled == STALLED:
                 return _failure(ws)
@@ -111,34 +101,69 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
             if ws.many_coordinates:  # the path settles on a cheaper mesh first
                 target = max(target, NEXT_OMITTED * before.worst**2)
             mesh = cheapest_mesh(before, target, sparse=ws.many_coordinates and ws.sparse)
+        size = _size(ws, mesh)
         if stalled == 0:
-            most = min(max(FRUITLESS_GROWTH * _size(ws, mesh), FRUITLESS), MAX_UNKNOWNS)
-        if MAX_UNKNOWNS > _size(ws, mesh) > most:  # more elements and nothing gained
-            return _failure(ws)
-        if _size(ws, mesh) > MAX_UNKNOWNS:
+            most = min(max(FRUITLESS_GROWTH * size, FRUITLESS), MAX_UNKNOWNS)
+        if size > MAX_UNKNOWNS:
             ws.hint = (
                 f"the next mesh, of {mesh.elements} elements, would have more than "
                 f"{MAX_UNKNOWNS:,} unknowns; give a Mesh of your own if it is worth that"
             )
+        if size > most:  # more elements and nothing gained
             return _failure(ws)
-        here = None  # frees its factors before others are made
         if not ws.transfer(mesh, least=least, missed=missed if resolved else 0.0):
             return _failure(ws)
         if resolved:
             continue
-        here, worst, expected = ws.here, ws.here.resolution.worst, ws.here.resolution.by_rate
-        rounded = expected < MEASURABLE or here.gain * expected < here.noise
-        if rounded and SAFETY * here.noise > tol:
-            ws.here = here.with_larger_noise()
-            if ws.here.noise <= UNDETERMINED:
-                return Status.FLOOR
-            status = _failure(ws)
-            # Linear equations that bend in all directions have a path, known as far as it is.
-            return Status.FLOOR if ws.linear and status is Status.UNRESOLVED else status
-        stalled = stalled + 1 if worst > before.worst / 2 else 0
+        if _is_noisy(ws, tol):
+            return _judge_noisy(ws)
+        stalled = stalled + 1 if ws.here.resolution.worst > before.worst / 2 else 0
         if stalled == STALLED or ws.has_kink:
             return _failure(ws)
     return _failure(ws)
+
+
+def _judge_between(ws: Workspace, tol: float) -> tuple[Status, Mesh | None]:
+    """Return the verdict on a path within the tolerance by what lies between its samples.
+
+    And a mesh that sees what does, if there is something.
+    """
+    if ws.here.singular:
+        return Status.UNRESOLVED, None
+    off = ws.find_imbalance()
+    if off is None and ws.here.error <= tol:
+        return Status.SOLVED, None
+    if off is None:
+        return Status.UNRESOLVED, split(ws.here.tr, ws.here.z)
+    if off.is_jump is True:
+        return Status.JUMP, None
+    return Status.UNRESOLVED, _cut(ws.here.mesh, off)
+
+
+def _is_misread(ws: Workspace, missed: float) -> bool:
+    """Whether what is missed may be the round-off of times or coordinates; many average it out."""
+    misread = ws.here.misread()
+    if missed > EXPLAINED_BY_ROUNDOFF * misread:
+        return False
+    ws.hint = _misread(ws, misread) if ws.here.is_misread else ""
+    return True
+
+
+def _is_noisy(ws: Workspace, tol: float) -> bool:
+    """Whether round-off, and not the mesh, keeps a path that was just moved from the tolerance."""
+    here, expected = ws.here, ws.here.resolution.by_rate
+    rounded = expected < MEASURABLE or here.gain * expected < here.noise
+    return rounded and SAFETY * here.noise > tol
+
+
+def _judge_noisy(ws: Workspace) -> Status:
+    """Return the verdict on a path of which no mesh says more, as round-off hides the rest."""
+    ws.here = ws.here.with_larger_noise()
+    if ws.here.noise <= UNDETERMINED:
+        return Status.FLOOR
+    status = _failure(ws)
+    # Linear equations that bend in all directions have a path, known as far as it is.
+    return Status.FLOOR if ws.linear and status is Status.UNRESOLVED else status
 
 
 def _size(ws: Workspace, mesh: Mesh) -> int:
@@ -203,8 +228,7 @@ def _cut(mesh: Mesh, off: Imbalance) -> Mesh:
     new = new[np.abs(new[:, None] - b).min(axis=1) > apart]
     new = new[np.diff(new, prepend=-np.inf) > apart]
     since = np.sort(np.concatenate([b, new]))
-    middle = (since[:-1] + since[1:]) / 2
-    return mesh.cut(since, np.array(mesh.degrees)[np.searchsorted(b, middle) - 1])
+    return mesh.cut(since)
 
 
 def split(tr: Transcription, z: Array) -> Mesh:
@@ -213,17 +237,13 @@ def split(tr: Transcription, z: Array) -> Mesh:
     long = mesh.lengths > SHORTEST * mesh.duration
     cuts = [inner if enough else inner[:0] for inner, enough in zip(cuts, long, strict=True)]
     parts = [np.append(b, inner) for b, inner in zip(mesh.since, cuts, strict=False)]
-    degrees = np.repeat(mesh.degrees, [part.size for part in parts])
-    return mesh.cut(np.concatenate([*parts, mesh.since[-1:]]), degrees)
+    return mesh.cut(np.concatenate([*parts, mesh.since[-1:]]))
 
 
 def _finer(mesh: Mesh) -> Mesh:
     """Return the mesh with two degrees more on each element, or the element in halves."""
-    degrees, b = np.array(mesh.degrees) + 2, mesh.since
-    halved = degrees > MAX_DEGREE
-    starts = np.sort(np.concatenate([b[:-1], (b[:-1] + mesh.lengths / 2)[halved]]))
-    degrees = np.repeat(np.where(halved, MAX_DEGREE, degrees), np.where(halved, 2, 1))
-    return mesh.cut(np.concatenate([starts, b[-1:]]), degrees)
+    degrees = np.array(mesh.degrees) + 2
+    return mesh.divide(np.where(degrees > MAX_DEGREE, 2, 1), np.minimum(degrees, MAX_DEGREE))
 
 
 def _failure(ws: Workspace) -> Status:

@@ -28,7 +28,6 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import Event, Phase, Tail
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.pulses import BISECTIONS
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.scales import ends_of
 from actionopt.solver.arguments import checked_curve, waypoints
@@ -37,6 +36,7 @@ from actionopt.solver.descent import descend
 from actionopt.solver.durations import MERGED
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.iterate import ROUNDED, sizes
+from actionopt.tools.bisection import bisect
 from actionopt.tools.checks import COARSEST
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
@@ -141,29 +141,25 @@ def first_window(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> W
         curve = None
     phase = None
     if all(infinite) and not timed:
-        if whole.system.structure.forced and not whole.through:
-            raise ValueError(
-                "expected a clock, or one event of finite time, with non-conservative forces, "
-                "found both at infinite times: these change the energy on the way, and a path "
-                "leads from rest to rest at single values of a parameter only"
-            )
         _check_energies(whole, t0, t1)
-    if all(infinite) and not timed and not whole.through:  # events tell when it passes them
-        phase, shift = _phase(whole, curve, t0, t1)
-        if curve is not None and shift:
-            inner = curve
-            curve = lambda t: inner(t + shift)  # noqa: E731
-            own = (
-                None
-                if own is None
-                else own.moved(own.boundaries[0] - shift, own.boundaries[-1] - shift)
-            )
+        if not whole.through:  # events tell when it passes them
+            phase, shift = _phase(whole, curve, t0, t1)
+            if curve is not None and shift:
+                curve, own = _begin_later(curve, own, shift)
     problem = whole.replace(
         start=Tail(t0, _place(start), -1, phase) if infinite[0] else start,
         end=Tail(t1, _place(end), 1) if infinite[1] else end,
     )
     _ = problem.rests  # raises
     return Window(problem, curve if curve is None or own is None else _extend(curve, own, problem))
+
+
+def _begin_later(
+    curve: Callable[[Array], Any], own: Mesh | None, by: float
+) -> tuple[Callable[[Array], Any], Mesh | None]:
+    """Return a guess, and its mesh, with the origin of time later by so much."""
+    mesh = None if own is None else own.moved(own.boundaries[0] - by, own.boundaries[-1] - by)
+    return (lambda t: curve(t + by)), mesh
 
 
 def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: float) -> bool:
@@ -388,11 +384,9 @@ def centre(solution: Solution, asked: Phase | None) -> Solution:
             return normal @ (center[:, None] - solution.path(t))
 
         k, origin = int(np.argmax(left(t) < 0)), asked.t
-    low, high = t[max(k - 1, 0)], t[min(k + 1, t.size - 1)]
-    for _ in range(BISECTIONS):  # bisection
-        middle = (low + high) / 2
-        low, high = (middle, high) if left(np.array([middle]))[0] > 0 else (low, middle)
-    by = origin - (low + high) / 2
+    near = t[[max(k - 1, 0)]], t[[min(k + 1, t.size - 1)]]
+    low, high = bisect(*near, lambda t: left(t) > 0)
+    by = origin - float(low[0] + high[0]) / 2
     mesh = solution.mesh.moved(problem.start.t + by, problem.end.t + by)
     phase = phase._replace(t=phase.t + by)
     start, end = Tail(problem.start.t + by, problem.start.near, -1, phase), problem.end
@@ -505,7 +499,16 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
 
 
 def _check_energies(whole: Problem, t0: float, t1: float) -> None:
-    """Raise ValueError where two equilibria differ in energy, and L does not contain t."""
+    """Raise ValueError where no path leads from rest to rest, as L does not contain t.
+
+    Where forces change the energy, or two equilibria differ in it.
+    """
+    if whole.system.structure.forced and not whole.through:
+        raise ValueError(
+            "expected a clock, or one event of finite time, with non-conservative forces, "
+            "found both at infinite times: these change the energy on the way, and a path "
+            "leads from rest to rest at single values of a parameter only"
+        )
     before, after = _rests(whole, t0, t1)
     apart = after.q - before.q
     need = float(apart @ _metric((before, after)) @ apart) * max(before.slow, after.slow)
