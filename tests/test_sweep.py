@@ -105,6 +105,33 @@ def test_a_member_is_made_again_to_full_accuracy(serial, short):
     assert runs.solution(-1, -1).action == found.action
 
 
+@pytest.mark.long
+def test_a_member_that_passes_one_place_several_times_is_made_again():
+    system = System(
+        lambda q, v, t, *, g: v[0] ** 2 / 2 + g * np.cos(q[0]), ["x"], parameters={"g": 1.0}
+    )
+    place = Event(None, [-0.9])
+    problem = Problem(system, Event(0.0, [-0.19]), Event(3.61, [-0.6]), through=[place] * 3)
+    runs = ao.sweep(problem, {"g": [1.0, 1.05, 1.1]})
+    rise, slopes = np.diff(runs.action), runs.slopes[:, 0]  # each is passed when its neighbour was
+    assert rise == pytest.approx(0.05 * (slopes[1:] + slopes[:-1]) / 2, rel=2e-3)
+    for i in range(3):
+        assert runs.solution(i).action == pytest.approx(runs.action[i], rel=1e-9)
+    plain = ao.solve(runs.solution(0).problem.original, guess=runs.solution(0).path)
+    assert plain.action == pytest.approx(runs.action[0], rel=1e-9)
+
+
+@pytest.mark.long
+def test_a_member_on_the_farther_side_of_an_obstacle_is_made_again():
+    outside = System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
+    problem = Problem(outside, Event(0.0, [-2.0, 0.3]), Event(1.0, [2.0, 0.3]))
+    heights = np.array([0.3, 0.0, -0.3])
+    runs = ao.sweep(problem, {("start", "y"): heights, ("end", "y"): heights}, zip=True)
+    assert (np.diff(runs.action) > 0.9).all()  # all of them go above, where the first one does
+    for i in range(3):
+        assert runs.solution(i).action == pytest.approx(runs.action[i], rel=1e-9)
+
+
 def test_values_may_be_zipped():
     points = np.array([[1.0, 0.2], [0.9, 0.3], [0.8, 0.1]]).T
     problem = Problem(systems.particle("x y"), Event(0.0, [0.0, 0.0]), Event(1.0, [1.0, 0]))

@@ -117,7 +117,8 @@ def _read(file: FilePath) -> Solution:
     mesh = Mesh(data["boundaries"], data["degrees"])
     start, end = about.get("singular", mesh.singular_ends)  # no file of a regular path has them
     mesh = with_singular_ends(mesh, (int(start), int(end)))
-    path, unknowns = Path(mesh, data["values"], data.get("rates")), None
+    passed = tuple(event.t for event in problem.through)
+    path, unknowns = Path(mesh, data["values"], data.get("rates"), passed), None
     n, nodes = len(problem.coordinates), mesh.nodes.size
     shapes = [len(problem.start.q), len(problem.end.q), path.values.shape[0]]
     p, v = data["momenta"].shape, data["velocities"].shape

@@ -101,9 +101,11 @@ class DiscretePath:
     @cached_property
     def path(self) -> Path:
         """The curve."""
+        through = self.problem.through
+        passed = tuple(event.t for event in through) if through else ()
         if self.tr.order > 1:
-            return Path(self.mesh, self.Q.T, self.rates[0].T)
-        return Path(self.mesh, self.Q.T)
+            return Path(self.mesh, self.Q.T, self.rates[0].T, passed)
+        return Path(self.mesh, self.Q.T, passed=passed)
 
     @cached_property
     def rates(self) -> list[Array]:

@@ -36,6 +36,9 @@ class Path:
     velocities : (n, K) array, optional
         Velocities known at the nodes (a forward integration has them); without them the
         velocity is the derivative of the polynomial, one order less accurate.
+    passed : tuple of float
+        When it passes the events between its ends, where that is known; the places alone do not
+        tell it of a path that comes to one of them several times.
 
     Raises
     ------
@@ -46,6 +49,7 @@ class Path:
     mesh: Mesh
     values: Array
     velocities: Array | None = None
+    passed: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):
@@ -67,7 +71,7 @@ class Path:
 
     def __reduce__(self) -> tuple:
         """Return how to make it anew from the same numbers."""
-        return Path, (self.mesh, self.values, self.velocities)
+        return Path, (self.mesh, self.values, self.velocities, self.passed)
 
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""

@@ -27,6 +27,8 @@ class PackedPaths:
         How many each has.
     since, degrees, values : arrays in one row
         One member after the other: `Mesh.since`, degrees, and coordinates row by row.
+    passed : (k, events) array
+        When each passes the events between its ends.
     """
 
     members: NDInt
@@ -35,6 +37,7 @@ class PackedPaths:
     since: Array
     degrees: NDInt
     values: Array
+    passed: Array
 
     def __repr__(self) -> str:
         return f"PackedPaths({self.members.size} paths)"
@@ -47,6 +50,8 @@ class PackedPaths:
             return np.concatenate([np.zeros(0, kind), *parts])
 
         # Elements with singular ends become others, whose polynomials are as near as the paths.
+        events = len(paths[0].passed) if paths else 0
+        passed = np.array([path.passed for path in paths], dtype=float).reshape(len(paths), events)
         meshes = [with_singular_ends(path.mesh, (0, 0)) for path in paths]
         pairs = zip(paths, meshes, strict=True)
         paths = [path if path.mesh is mesh else path.on(mesh) for path, mesh in pairs]
@@ -57,6 +62,7 @@ class PackedPaths:
             row([mesh.since for mesh in meshes], float),
             row([np.array(mesh.degrees) for mesh in meshes], int),
             row([path.values.ravel() for path in paths], float),
+            passed,
         )
 
     def pack(self, name: str) -> dict[str, Array]:
@@ -87,7 +93,8 @@ class PackedPaths:
         t0, t1 = self.times[k].tolist()
         mesh = Mesh.over(t0, t1, since, self.degrees[a:b])
         n = self.values.size // nodes[-1]
-        return Path(mesh, self.values[n * nodes[k] : n * nodes[k + 1]].reshape(n, -1))
+        values = self.values[n * nodes[k] : n * nodes[k + 1]].reshape(n, -1)
+        return Path(mesh, values, passed=tuple(self.passed[k].tolist()))
 
 
 def find(kept: Sequence[PackedPaths], member: int) -> Path | None:

@@ -11,7 +11,7 @@ import casadi as ca
 from actionopt.families.grid import Grid, label_of
 from actionopt.mechanics.problem import Problem
 
-SWEEP_FORMAT = "actionopt sweep 4"
+SWEEP_FORMAT = "actionopt sweep 5"
 
 
 def question_of(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str, Any]:

@@ -95,7 +95,8 @@ def sweep(
     record : str or sequence of str, optional
         What is to be found of each besides: "index".
     keep_paths : bool
-        Keep the paths, too: some kilobytes each.
+        Keep the paths, too: some kilobytes each. They are kept in any case where momenta at the
+        ends do not tell them: along an obstacle, and where more than a path is found.
     zip : bool
         All rows have one length, and member k has the k-th value of each: one axis.
     seconds : float, optional
@@ -128,6 +129,7 @@ def sweep(
             "given energy, which need a guess; follow one by `trace`"
         )
     keep_paths = flag(keep_paths, "keep_paths") or has_more_than_path(problem)
+    keep_paths = keep_paths or bool(problem.system.r)  # momenta do not tell a path in contact
     grid = Grid.of(problem, over, flag(zip, "zip"))
     index = "index" in _names_to_record(record)
     check_executor(executor)

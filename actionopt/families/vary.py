@@ -212,4 +212,6 @@ def lead_to(path: Path, problem: Problem) -> Path:
     for event, weight, known in ((problem.start, 1 - s, values[:, :1]), (problem.end, s, last)):
         given = [[a if b is None else b] for a, b in zip(known[:, 0], event.q, strict=True)]
         values = values + (np.array(given) - known) * weight
-    return Path(mesh, values)
+    first, longer = path.mesh.boundaries[0], mesh.duration / path.mesh.duration
+    passed = tuple(float(mesh.boundaries[0] + longer * (t - first)) for t in path.passed)
+    return Path(mesh, values, passed=passed)

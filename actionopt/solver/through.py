@@ -609,15 +609,12 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
     """Return the first path that a guess says, and the times of the events on it.
 
     Waypoints (n, k + 2) are places at the events. On a curve these are passed at the times at which
-    it is nearest to what they ask, one after the other; a solution with as many events knows when.
+    it is nearest to what they ask, one after the other; a path through as many events knows when.
 
     Raises ValueError if its shape does not fit the problem, or it is not finite.
     """
     n, given = problem.system.n, times_of(problem)
-    passed: Array | None = None
     if isinstance(guess, Solution):
-        if len(guess.problem.through) == len(problem.through):
-            passed = times_of(guess.problem)[1:-1]
         guess = guess.path
     if not isinstance(guess, Path) and not callable(guess):
         points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
@@ -640,7 +637,8 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
     q = checked_curve(curve, n)(t)
     if not np.isfinite(q).all():
         raise ValueError("expected a guess that is finite at all times, found NaN or infinity")
-    if passed is None:
+    passed = np.array(curve.passed if isinstance(curve, Path) else ())
+    if passed.size != len(problem.through):
         passed = _pass_times(problem, t, q)
     on_curve = np.concatenate([b[:1], passed, b[1:]])
     times = np.where(np.isfinite(given), given, on_curve)
