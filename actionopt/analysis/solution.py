@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import field, fields, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +23,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import State
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.singular_ends import finite_derivatives
+from actionopt.tools.cached import cached_property
 from actionopt.tools.checks import numbers
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array

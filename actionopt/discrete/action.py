@@ -21,7 +21,6 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -33,6 +32,7 @@ from actionopt.discrete.nodal import Term, rest_action, terms
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import diagonal, ends_of
 from actionopt.tools.blas import by_each
+from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import make_unchecked
 from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import Array, NDInt
@@ -705,13 +705,12 @@ class Action:
         """Add D' w p, what momenta p work at the nodes of their elements; both (evaluations, n)."""
         for g in self.layout.groups:
             local = p[g.span].reshape(*g.nodes.shape, -1)
+            part = found[g.span].reshape(local.shape)  # a view
             # A constant momentum works at the element's ends only: taken out of the sum, its
             # round-off stays out of the nodes between.
-            constant = local[:, 0]
-            work = by_each(g.rule.weighted_derivative.T, local - local[:, :1])
-            work[:, 0] -= constant
-            work[:, -1] += constant
-            found[g.span] += work.reshape(-1, p.shape[1])
+            part += by_each(g.rule.weighted_derivative.T, local - local[:, :1])
+            part[:, 0] -= local[:, 0]
+            part[:, -1] += local[:, 0]
         return found
 
     def at_unknowns(self, parts: Array) -> Array:

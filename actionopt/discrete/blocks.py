@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.discrete.mesh import Group
+from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -41,11 +41,10 @@ AT_HAND = 2**20  # numbers of a product, 8 MB, whose memory is used again; ad ho
 np.empty(AT_HAND)
 
 
-def in_parts(count: int, numbers: int) -> Iterator[slice]:
-    """Yield the elements in parts of about `AT_HAND` numbers, if one of them has so many."""
+def in_parts(count: int, numbers: int) -> list[slice]:
+    """Return the elements in parts of about `AT_HAND` numbers, if one of them has so many."""
     few = max(AT_HAND // numbers, 1)
-    for first in range(0, count, few):
-        yield slice(first, first + few)
+    return [slice(first, first + few) for first in range(0, count, few)]
 
 
 def is_large(nodes: int, width: int) -> bool:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -28,6 +28,7 @@ from actionopt.discrete.layout import (
 )
 from actionopt.discrete.matrices import Matrices, read
 from actionopt.tools.blas import cholesky, lu
+from actionopt.tools.cached import cached_property
 from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time

@@ -7,7 +7,7 @@ matrix by one index array, so that assembly has no loop over elements.
 from __future__ import annotations
 
 import threading
-from functools import cached_property
+from functools import lru_cache
 from typing import Any, Literal
 
 import casadi as ca
@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from actionopt.discrete.blocks import FULL_SIZE, Blocks, is_large
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.element import Element, element
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import KEPT_NODES, SHAPES_KEPT, Mesh, Shape
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
+from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
@@ -78,7 +79,113 @@ class MatrixLayout:
         return np.flatnonzero((pattern.row == pattern.col) & (pattern.row >= self.unknowns))
 
 
-class Layout(MatrixLayout):
+class Numbering:
+    """Numbers of the coordinates at the nodes of all meshes of one shape, whatever the system is.
+
+    Parameters are those of `Layout`, and the `order` and the number of coordinates of a system.
+    """
+
+    closed: tuple[int, ...]
+
+    def __init__(
+        self,
+        shape: Shape,
+        order: int,
+        n: int,
+        start: tuple[int, ...],
+        end: tuple[int, ...],
+        closed: tuple[int, ...],
+        inner: tuple[tuple[int, tuple[int, ...]], ...],
+    ) -> None:
+        self.order, self.n, self.closed = order, n, closed
+        self.offsets = shape.offsets  # nodes between elements
+        self.node_count = int(shape.offsets[-1]) + 1
+        self.groups = shape.groups
+        self.evaluations = shape.groups[-1].span.stop
+        self.node_of = np.concatenate([g.nodes.ravel() for g in self.groups])
+        self.unseen = self._find_unseen()
+
+        self.width = order * n
+        number = np.full((self.node_count, self.width), -1 if order > 1 else 0)
+        if order > 1:
+            for g, shape_of in zip(self.groups, self.shapes, strict=True):
+                number.reshape(-1, order, n)[g.nodes[:, shape_of.node], shape_of.derivative] = 0
+        number[0, list(start)] = -1
+        number[-1, slice(None) if closed else list(end)] = -1
+        for boundary, pinned in inner:
+            number[shape.offsets[boundary], list(pinned)] = -1
+        self.free = (number.ravel() == 0).nonzero()[0]
+        self.unknowns = self.free.size
+        number.ravel()[self.free] = np.arange(self.unknowns)
+        if closed:
+            number[-1] = number[0, list(closed)]
+        self.number = number
+        self.scatter = self._scatter()
+
+    @cached_property
+    def shapes(self) -> list[Element]:
+        """The polynomials of each degree; of paths of order one nobody asks for them."""
+        return [element(g.rule.degree, self.order) for g in self.groups]
+
+    def _find_unseen(self) -> tuple[NDInt, NDInt]:
+        """Return the evaluations at open ends of elements, of no weight, and those next to them."""
+        found = []
+        for g in self.groups:
+            if any(g.rule.ends):  # one element
+                first, last = g.span.start, g.span.stop - 1
+                sides = (first, first + 1), (last, last - 1)
+                found += [pair for pair, out in zip(sides, g.rule.ends, strict=True) if out]
+        at, beside = np.array(found, dtype=np.intp).reshape(-1, 2).T
+        return at, beside
+
+    def _scatter(self) -> NDInt:
+        """Return where in the full gradient (K width) each element's gradients are, flattened."""
+        n = self.n
+        if self.order == 1:
+            return (self.node_of[:, None] * n + np.arange(n)).ravel()
+        at = [
+            (g.nodes[:, el.node] * self.width + el.derivative * n).ravel()
+            for g, el in zip(self.groups, self.shapes, strict=True)
+        ]
+        return (np.concatenate(at)[:, None] + np.arange(n)).ravel()
+
+    @cached_property
+    def derivative(self) -> NDInt:
+        """Which derivative each of the elements' unknowns is the value of, (evaluations,)."""
+        pairs = zip(self.groups, self.shapes, strict=True)
+        return np.concatenate([np.tile(el.derivative, len(g.nodes)) for g, el in pairs])
+
+    @cached_property
+    def element_ends(self) -> NDInt:
+        """Positions of both ends of each element among the evaluations, (2 elements,)."""
+        at = np.empty((self.offsets.size - 1, 2), dtype=np.intp)
+        for g in self.groups:
+            first = np.arange(g.span.start, g.span.stop, g.nodes.shape[1])
+            at[g.elements] = first[:, None] + [0, g.nodes.shape[1] - 1]
+        return at.ravel()
+
+    @cached_property
+    def element_of(self) -> NDInt:
+        """The element of each evaluation, (evaluations,)."""
+        return np.concatenate([np.repeat(g.elements, g.rule.degree + 1) for g in self.groups])
+
+    @cached_property
+    def plain_blocks(self) -> Blocks:
+        """The places of everything in a symmetric matrix stored in blocks, without constraints."""
+        parts = self.groups, self.offsets, self.node_of, self.free, self.closed
+        return Blocks(self.width, 0, *parts, symmetric=True)
+
+
+_numbering = lru_cache(SHAPES_KEPT)(Numbering)
+
+
+def numbering_of(shape: Shape, order: int, n: int, *ends: Any) -> Numbering:
+    """Return the `Numbering` of these, which systems share where it is small."""
+    made = _numbering if shape.offsets[-1] * order * n <= KEPT_NODES else Numbering
+    return made(shape, order, n, *ends)
+
+
+class Layout(MatrixLayout, Numbering):
     """Numbering and sparsity of the discrete problem on all meshes of one shape.
 
     A node has places for the coordinates and, of a system of higher order, for their derivatives at
@@ -121,36 +228,14 @@ class Layout(MatrixLayout):
         inner: tuple[tuple[int, tuple[int, ...]], ...] = (),
     ) -> None:
         super().__init__()
-        self.system, self.closed, self.nodal = system, closed, nodal
+        self.system, self.nodal = system, nodal
         self.partial = in_force is not None  # whether rows are not in force at some nodes
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
-        n, m = system.n, system.m
-        self.offsets = shape.offsets  # nodes between elements
-        self.node_count = int(shape.offsets[-1]) + 1
-        self.groups = shape.groups
-        self.evaluations = shape.groups[-1].span.stop
-        self.node_of = np.concatenate([g.nodes.ravel() for g in self.groups])
-        self.unseen = self._find_unseen()
-
-        self.width = system.order * n
-        number = np.full((self.node_count, self.width), -1 if system.order > 1 else 0)
-        if system.order > 1:
-            for g, shape_of in zip(self.groups, self.shapes, strict=True):
-                number.reshape(-1, system.order, n)[
-                    g.nodes[:, shape_of.node], shape_of.derivative
-                ] = 0
-        number[0, list(start)] = -1
-        number[-1, slice(None) if closed else list(end)] = -1
-        for boundary, pinned in inner:
-            number[shape.offsets[boundary], list(pinned)] = -1
-        self.free = (number.ravel() == 0).nonzero()[0]
-        self.unknowns = self.free.size
-        number.ravel()[self.free] = np.arange(self.unknowns)
-        if closed:
-            number[-1] = number[0, list(closed)]
-        self.number = number
-
+        ends = start, end, closed, inner
+        self.numbering = numbering_of(shape.shape, system.order, system.n, *ends)
+        vars(self).update(vars(self.numbering))
+        m = system.m
         places = system.order * m  # of multipliers, which live where the coordinates do
         self.rows, self.row_number = 0, np.full((self.node_count, places), -1, dtype=np.intp)
         self.row_nodes = self.row_select = self.row_node = self.row_constraint = _NONE
@@ -158,22 +243,6 @@ class Layout(MatrixLayout):
         if m:
             self._number_rows(in_force)
         self._bordered: dict[int, BorderedLayout] = {}
-
-    @cached_property
-    def shapes(self) -> list[Element]:
-        """The polynomials of each degree; of paths of order one nobody asks for them."""
-        return [element(g.rule.degree, self.system.order) for g in self.groups]
-
-    def _find_unseen(self) -> tuple[NDInt, NDInt]:
-        """Return the evaluations at open ends of elements, of no weight, and those next to them."""
-        found = []
-        for g in self.groups:
-            if any(g.rule.ends):  # one element
-                first, last = g.span.start, g.span.stop - 1
-                sides = (first, first + 1), (last, last - 1)
-                found += [pair for pair, out in zip(sides, g.rule.ends, strict=True) if out]
-        at, beside = np.array(found, dtype=np.intp).reshape(-1, 2).T
-        return at, beside
 
     def with_border(self, border: int) -> BorderedLayout:
         """Return that of such a matrix with so many unknowns and equations beside it."""
@@ -197,38 +266,6 @@ class Layout(MatrixLayout):
         self.rows = self.row_select.size
         self.row_node, self.row_constraint = np.nonzero(keep)
         self.row_number[keep] = np.arange(self.rows)
-
-    @cached_property
-    def scatter(self) -> NDInt:
-        """Position in the full gradient (K width) of each element's gradients, flattened."""
-        n = self.system.n
-        if self.system.order == 1:
-            return (self.node_of[:, None] * n + np.arange(n)).ravel()
-        at = [
-            (g.nodes[:, el.node] * self.width + el.derivative * n).ravel()
-            for g, el in zip(self.groups, self.shapes, strict=True)
-        ]
-        return (np.concatenate(at)[:, None] + np.arange(n)).ravel()
-
-    @cached_property
-    def derivative(self) -> NDInt:
-        """Which derivative each of the elements' unknowns is the value of, (evaluations,)."""
-        pairs = zip(self.groups, self.shapes, strict=True)
-        return np.concatenate([np.tile(el.derivative, len(g.nodes)) for g, el in pairs])
-
-    @cached_property
-    def element_ends(self) -> NDInt:
-        """Positions of both ends of each element among the evaluations, (2 elements,)."""
-        at = np.empty((self.offsets.size - 1, 2), dtype=np.intp)
-        for g in self.groups:
-            first = np.arange(g.span.start, g.span.stop, g.nodes.shape[1])
-            at[g.elements] = first[:, None] + [0, g.nodes.shape[1] - 1]
-        return at.ravel()
-
-    @cached_property
-    def element_of(self) -> NDInt:
-        """The element of each evaluation, (evaluations,)."""
-        return np.concatenate([np.repeat(g.elements, g.rule.degree + 1) for g in self.groups])
 
     @cached_property
     def probe(self) -> Array:
@@ -264,12 +301,14 @@ class Layout(MatrixLayout):
         """The places of everything in a matrix stored in blocks."""
         n = self.width
         f = n + self.row_number.shape[1]
+        large = is_large(max(g.nodes.shape[1] for g in self.groups), f)
+        if not (large or self.system.m or self.system.structure.forced):
+            return self.numbering.plain_blocks
         node, coordinate = np.divmod(self.free, n)
         rows = self.row_node * f + n + self.row_constraint
         places = np.concatenate([node * f + coordinate, rows])
         symmetric = not self.system.structure.forced
         parts = self.groups, self.offsets, self.node_of, places, self.closed
-        large = is_large(max(g.nodes.shape[1] for g in self.groups), f)
         across = self._across(f) if large and not self.closed and self.system.order == 1 else None
         return Blocks(n, f - n, *parts, symmetric=symmetric, across=across)
 

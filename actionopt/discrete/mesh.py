@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.tools.cached import cached_property
 from actionopt.tools.checks import number, numbers, whole
 from actionopt.tools.immutable import immutable, make_unchecked
 from actionopt.tools.lobatto import Rule, lgl, open_rule
@@ -33,6 +34,46 @@ class Group:
     elements: NDInt
     nodes: NDInt
     span: slice
+
+
+# Nodes up to which shapes are kept, and how many, the latest used: some MB with all that is
+# numbered by them (`layout`); ad hoc.
+KEPT_NODES, SHAPES_KEPT = 2**10, 64
+
+
+class Shape:
+    """The elements and nodes of all meshes whose elements have these degrees."""
+
+    def __init__(self, degrees: tuple[int, ...], singular_ends: tuple[int, int]) -> None:
+        self.degrees, self.singular_ends = degrees, singular_ends
+        self.elements = len(degrees)
+        self.offsets = np.concatenate([[0], np.cumsum(degrees)])  # as `Mesh` has it
+
+    @cached_property
+    def groups(self) -> list[Group]:
+        """Elements of equal degree together; those with an open end apart."""
+        degrees, first = np.array(self.degrees), 0
+        kinds = [(lgl(d), np.flatnonzero(degrees == d)) for d in sorted(set(self.degrees))]
+        if any(self.singular_ends):
+            kinds = self._set_apart(kinds)
+        result = []
+        for rule, which in kinds:
+            nodes = self.offsets[which][:, None] + np.arange(rule.degree + 1)
+            result.append(Group(rule, which, nodes, slice(first, first + nodes.size)))
+            first += nodes.size
+        return result
+
+    def _set_apart(self, kinds: list[tuple[Rule, NDInt]]) -> list[tuple[Rule, NDInt]]:
+        """Return rules and elements, those with an open end taken out of the others."""
+        sides = np.zeros((self.elements, 2), dtype=int)
+        sides[0, 0], sides[-1, 1] = self.singular_ends
+        apart = np.flatnonzero(sides.any(axis=1))
+        inner = [(rule, np.setdiff1d(which, apart)) for rule, which in kinds]
+        found = [(open_rule(self.degrees[e], tuple(sides[e].tolist())), e) for e in apart]
+        return [(rule, np.array([e])) for rule, e in found] + [k for k in inner if k[1].size]
+
+
+_shape = lru_cache(SHAPES_KEPT)(Shape)
 
 
 @immutable
@@ -176,9 +217,15 @@ class Mesh:
         return float(self.since[-1])
 
     @cached_property
+    def shape(self) -> Shape:
+        """What it has in common with meshes of the same degrees over any times."""
+        made = _shape if sum(self.degrees) <= KEPT_NODES else Shape
+        return made(self.degrees, self.singular_ends)
+
+    @cached_property
     def offsets(self) -> NDInt:
         """Index of each element's first node, and of the last node: shape (N + 1,)."""
-        return np.concatenate([[0], np.cumsum(self.degrees)])
+        return self.shape.offsets
 
     @cached_property
     def nodes(self) -> Array:
@@ -200,25 +247,7 @@ class Mesh:
     @cached_property
     def groups(self) -> list[Group]:
         """Elements of equal degree together; those with an open end apart."""
-        degrees, first = np.array(self.degrees), 0
-        kinds = [(lgl(d), np.flatnonzero(degrees == d)) for d in sorted(set(self.degrees))]
-        if any(self.singular_ends):
-            kinds = self._set_apart(kinds)
-        result = []
-        for rule, which in kinds:
-            nodes = self.offsets[which][:, None] + np.arange(rule.degree + 1)
-            result.append(Group(rule, which, nodes, slice(first, first + nodes.size)))
-            first += nodes.size
-        return result
-
-    def _set_apart(self, kinds: list[tuple[Rule, NDInt]]) -> list[tuple[Rule, NDInt]]:
-        """Return rules and elements, those with an open end taken out of the others."""
-        sides = np.zeros((self.elements, 2), dtype=int)
-        sides[0, 0], sides[-1, 1] = self.singular_ends
-        apart = np.flatnonzero(sides.any(axis=1))
-        inner = [(rule, np.setdiff1d(which, apart)) for rule, which in kinds]
-        found = [(open_rule(self.degrees[e], tuple(sides[e].tolist())), e) for e in apart]
-        return [(rule, np.array([e])) for rule, e in found] + [k for k in inner if k[1].size]
+        return self.shape.groups
 
     def moved(self, start: float, end: float) -> Mesh:
         """Return the same mesh stretched affinely onto the times [start, end].
@@ -237,7 +266,7 @@ class Mesh:
         boundaries[-1] = end
         for row in (boundaries, since):
             row.setflags(write=False)
-        shape = {k: getattr(self, k) for k in ("degrees", "singular_ends", "offsets", "groups")}
+        shape = {k: getattr(self, k) for k in ("degrees", "singular_ends", "shape")}
         return make_unchecked(Mesh, boundaries=boundaries, since=since, **shape)
 
 

@@ -223,7 +223,7 @@ def approach(
     factor comes from the curvature that the simplified step shows (Deuflhard, algorithm NLEQ-ERR).
     """
     cut = tr.layout.unknowns
-    damping, last, simplified = 1.0, None, None
+    damping, last, simplified, rest = 1.0, None, None, 0.0
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
         for k in range(1, steps + 1):
@@ -242,9 +242,7 @@ def approach(
                 return z, k
             if last is not None and simplified is not None:
                 second = _norm((simplified - step)[:cut]) * length
-                damping = (
-                    min(1.0, damping * last * _norm(simplified[:cut]) / second) if second else 1.0
-                )
+                damping = min(1.0, damping * last * rest / second) if second else 1.0
             while True:
                 if not damping > DAMPED:
                     return None
@@ -270,8 +268,8 @@ def approach(
 
 
 def _norm(step: Array) -> float:
-    """Return the root mean square."""
-    return math.sqrt(float(step @ step) / step.size)
+    """Return the length, of which ratios matter alone."""
+    return math.sqrt(step @ step)
 
 
 def _roundoff(tr: Equations, factors: Factors) -> Array:

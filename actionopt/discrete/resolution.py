@@ -9,13 +9,13 @@ it.
 
 from __future__ import annotations
 
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.instants import SHORTEST
+from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
 from actionopt.tools.lobatto import Rule
 from actionopt.tools.types import Array, NDInt

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from copy import copy
-from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from actionopt.discrete import assemble_blocks, second_quadrature
 from actionopt.discrete.action import Action
 from actionopt.discrete.factors import expected_seconds
 from actionopt.mechanics.scales import diagonal
+from actionopt.tools.cached import cached_property
 from actionopt.tools.median import median
 from actionopt.tools.types import Array
 

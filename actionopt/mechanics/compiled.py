@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from actionopt.tools.cached import cached_property
 from actionopt.tools.types import Array
 
 if TYPE_CHECKING:

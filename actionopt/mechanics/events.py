@@ -88,8 +88,10 @@ class Event:
         object.__setattr__(self, "t", known)
         given = () if q is None else items(q, "the coordinates of an event")
         row = tuple(
-            None if x is None else number(x, f"coordinate {i} of an event")
-            for i, x in enumerate(given)
+            [
+                None if x is None else number(x, f"coordinate {i} of an event")
+                for i, x in enumerate(given)
+            ]
         )
         # They are None until a problem knows how many there are.
         object.__setattr__(self, "q", None if q is None else row)
@@ -143,7 +145,7 @@ class Event:
     @property
     def pinned(self) -> tuple[int, ...]:
         """Indices of the coordinates that are given."""
-        return tuple(i for i, x in enumerate(self.q or ()) if x is not None)
+        return tuple([i for i, x in enumerate(self.q or ()) if x is not None])
 
     @classmethod
     def of_places(cls, t: float, places: Array, n: int) -> Event:

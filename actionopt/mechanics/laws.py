@@ -29,6 +29,7 @@ from actionopt.mechanics.switches import (
 )
 from actionopt.mechanics.tables import refuse_lost_derivatives
 from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, deriving, stack
+from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
 from actionopt.tools.tape import LINEAR_TABLE, Tape
 
@@ -92,13 +93,13 @@ class Structure:
     operations: frozenset[int]  # CasADi's numbers of those in L, f and Q
     samples: int  # times over the whole duration at which the forces are sampled, at least
 
-    @property
+    @cached_property
     def linear(self) -> bool:
         """Whether the equations of motion, and so the discrete ones, are linear."""
         quadratic = self.constant_mass and self.constant_coupling and self.constant_stiffness
         return quadratic and self.affine_constraint and self.affine_force
 
-    @property
+    @cached_property
     def steady(self) -> bool:
         """Whether they are linear with coefficients that are constant in time."""
         return self.linear and not self.depends_on_time
@@ -294,7 +295,7 @@ class Laws:
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
         """Whether an output of a compiled function depends on any of these inputs."""
         function = self.pointwise(name).function
-        return any(function.jac_sparsity(output, i).nnz() for i in inputs)
+        return any([function.jac_sparsity(output, i).nnz() for i in inputs])
 
     @Once
     def derivatives(self) -> Derivatives:

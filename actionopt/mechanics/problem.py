@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +31,7 @@ from actionopt.mechanics.singular_ends import singular_ends
 from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
+from actionopt.tools.cached import cached_property
 from actionopt.tools.checks import by_name, entries, numbers
 from actionopt.tools.immutable import immutable, make_unchecked
 from actionopt.tools.shown import one_line

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -35,6 +34,7 @@ from actionopt.mechanics.tracing import (
     suggestion,
     surface,
 )
+from actionopt.tools.cached import cached_property
 from actionopt.tools.checks import entries
 from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
@@ -334,9 +334,8 @@ class System(NumericLaws):
         F = (L,) if role == "length" else ()
         laws = square(L) / 2 if F else L, constraints, forces, outside, integrands, *F
         self._set(symbols, laws, names_of, table, name, _place(law))
-        beside = ca.vertcat(*laws[1:5])
-        if beside.numel():
-            refuse_foreign(beside, self._arguments, "laws beside the Lagrangian")
+        if any([law.numel() for law in laws[1:5]]):
+            refuse_foreign(ca.vertcat(*laws[1:5]), self._arguments, "laws beside the Lagrangian")
         try:
             refuse_nan(self.lagrangian_tape.constants, role)
         except RuntimeError:  # CasADi's own, of a symbol that is no argument

@@ -65,7 +65,7 @@ class Symbols:
     def state(self) -> dict[str, Expressions]:
         """Return the arguments of the user's callables, by name: q, v and so on, and t."""
         n = self.v.numel()
-        rows = [*ca.vertsplit(self.q, n), self.v]
+        rows = [*(ca.vertsplit(self.q, n) if self.q.numel() > n else [self.q]), self.v]
         found = {name: Expressions(x, 1) for name, x in zip(STATE, rows, strict=False)}
         return found | {"t": Expressions(self.t, 0)}
 

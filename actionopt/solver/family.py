@@ -93,7 +93,7 @@ def judge_family(ws: Workspace, solution: Solution) -> Solution:
         found = None
     except TimeUp:
         check_time()  # of the search that this one is a part of
-        ws.here = replace(here, error=np.inf)
+        ws.here = here.with_values(error=np.inf)
         return replace(solution, status=Status.OUT_OF_TIME, error=np.inf)
     if found is None or found.nullity <= found.moves or found.tolerance > INDEX_TOLERANCE:
         ws.here = here
@@ -101,7 +101,7 @@ def judge_family(ws: Workspace, solution: Solution) -> Solution:
     condition = softest_condition(found)
     ws.hint = _describe(ws, found, near.error)
     noise = max(ws.here.noise, condition * POLYNOMIAL_ROUNDOFF)
-    ws.here = replace(ws.here, noise=noise, error=near.error)
+    ws.here = ws.here.with_values(noise=noise, error=near.error)
     stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
     judged = replace(near, status=Status.DEGENERATE, stats=stats)
     vars(judged)["inertia"] = found  # counted once: what its `kind` is, and its status

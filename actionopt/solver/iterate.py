@@ -12,7 +12,7 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
@@ -26,7 +26,7 @@ from actionopt.discrete.resolution import Resolution, resolution
 from actionopt.mechanics.laws import Structure
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.scales import NEGLIGIBLE, diagonal
-from actionopt.tools.immutable import immutable
+from actionopt.tools.immutable import change, immutable, make_unchecked
 from actionopt.tools.types import Array
 
 if TYPE_CHECKING:
@@ -104,16 +104,20 @@ class Iterate(DiscretePath):
         """How far it moves, in its sizes, as a duration that is sought grows in its own."""
         return 0.0
 
+    def with_values(self, **known: Any) -> Self:
+        """Return the same path with other values of what is known; what was worked out is kept."""
+        return make_unchecked(type(self), **vars(self) | known)
+
     def moved(self, z: Array) -> Self:
         """Return another path on the same mesh, of which nothing more is known."""
         tr = self.equations.at(z)
-        return replace(self, tr=tr, z=z, factors=None, probed=None, represented=None)
+        return change(self, tr=tr, z=z, factors=None, probed=None, represented=None)
 
     def bare(self) -> Self:
         """Return the iterate without its factors, which take memory."""
         if self.factors is None and self.probed is None:
             return self
-        return replace(self, factors=None, probed=None)
+        return self.with_values(factors=None, probed=None)
 
     def at_result(self, result: Followed) -> Self:
         """Return the path at which Newton's method arrived."""
@@ -129,7 +133,7 @@ class Iterate(DiscretePath):
         unit = self._unit(sizes)
         known |= _estimate(max(self.gain, self._least_gain), result.noise * unit, unit, shown)
         known |= {"factors": result.factors, "since": result.since}
-        return replace(self, tr=tr, z=z, **known)
+        return change(self, tr=tr, z=z, **known)
 
     def with_error(self, gain: float, noise: float | None = None) -> Self:
         """Return the iterate with the estimate of its error for a gain, and of its noise.
@@ -138,7 +142,7 @@ class Iterate(DiscretePath):
         """
         noise = self.noise if noise is None else noise
         gain = max(gain, self._least_gain)
-        return replace(self, **_estimate(gain, noise, self.unit, self.resolution))
+        return self.with_values(**_estimate(gain, noise, self.unit, self.resolution))
 
     @property
     def _least_gain(self) -> float:
@@ -179,14 +183,14 @@ class Iterate(DiscretePath):
         if self.factors is not None:
             return self
         equations = self.equations
-        return replace(self, factors=factorize(equations, self.z, many=many))
+        return self.with_values(factors=factorize(equations, self.z, many=many))
 
     def with_fresh_factors(self) -> Self:
         """Return the iterate with factors of the matrix at the path, not near it."""
         if self.factors is None:
             return self
         factors = self.factors.near(self.equations.kkt(self.z))
-        return replace(self, factors=factors, probed=None, since=0.0)
+        return self.with_values(factors=factors, probed=None, since=0.0)
 
     def quadrature_shift(self, tol: float, many: bool) -> tuple[float, Self]:
         """Return how far the path would move if its forces were summed over other points.
@@ -202,7 +206,7 @@ class Iterate(DiscretePath):
         with np.errstate(all="ignore"):
             if self.can_be_one_of_many and here.factors.pairs:
                 step, probed = here.factors.solve_both(residual, here.momentum(here.probe))
-                here = replace(here, probed=probed)
+                here = here.with_values(probed=probed)
             else:
                 step = here.factors.solve(residual)
         return max(self.equations.relative_step(step), carried) * self.unit, here
@@ -219,7 +223,7 @@ class Iterate(DiscretePath):
             return self
         here = self.with_factors(many)
         assert here.factors is not None
-        return replace(here, probed=here.factors.solve(here.momentum(here.probe)))
+        return here.with_values(probed=here.factors.solve(here.momentum(here.probe)))
 
     @property
     def growth(self) -> float:

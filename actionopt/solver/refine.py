@@ -7,7 +7,6 @@ it. What cannot be refined is no path of the continuous problem, or not determin
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,9 +60,9 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
         with suppress(np.linalg.LinAlgError):
             missed = SAFETY * ws.quadrature_shift()
         error = max(ws.here.error, missed) if missed < np.inf else np.inf
-        ws.here = replace(ws.here, error=error)
+        ws.here = ws.here.with_values(error=error)
     if ws.unbalance is not None:
-        ws.here = replace(ws.here, error=np.inf)
+        ws.here = ws.here.with_values(error=np.inf)
         return Status.JUMP if ws.unbalance.is_jump else Status.UNRESOLVED
     return status
 
@@ -81,7 +80,7 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
             here = ws.here
             error = max(here.error, SAFETY * missed) + (here.misread() if here.is_misread else 0.0)
             if error != here.error:
-                ws.here = replace(here, error=error)
+                ws.here = here.with_values(error=error)
             here = None  # frees its factors before others are made
             if error <= tol:
                 status, mesh = _judge_between(ws, tol)
@@ -214,10 +213,10 @@ def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
     # What is left on the finer mesh is less than half of what it changed, where that is little.
     known = ok and change < CREDIBLE_CHANGE
     error = 2 * (float(change) + ws.inside) + SAFETY * (there.noise + missed) if known else np.inf
-    ws.here = replace(kept, gain=there.gain, noise=there.noise, error=error)
+    ws.here = kept.with_values(gain=there.gain, noise=there.noise, error=error)
     off = ws.find_imbalance()
     if off is not None:
-        ws.here = replace(ws.here, error=np.inf)
+        ws.here = ws.here.with_values(error=np.inf)
     return Status.JUMP if off is not None and off.is_jump else Status.ON_MESH
 
 

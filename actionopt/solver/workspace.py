@@ -301,7 +301,7 @@ class Workspace(Generic[Place]):
             self.checked = True
             self.ensure_iterate()
         else:
-            self.here = replace(self.here, error=np.inf)
+            self.here = self.here.with_values(error=np.inf)
         self.here.tr.watch = None
 
     def with_boundaries(self, mesh: Mesh) -> Mesh:
@@ -420,7 +420,7 @@ class Workspace(Generic[Place]):
         mesh, Q = path.mesh, path.Q
         shown = resolution(mesh, Q, sizes(Q, self.problem.scales)).worst < ROUGHLY
         if shown and mesh.lengths.min() > SHORT_ELEMENT * mesh.duration:
-            self.unpolished = replace(path.bare(), error=np.inf)
+            self.unpolished = path.bare().with_values(error=np.inf)
 
     def follow(self, reach: float = np.inf, *, kept: bool = False) -> bool:
         """Polish the path where it is; False if it is not there, or farther than `reach`.
@@ -483,7 +483,7 @@ class Workspace(Generic[Place]):
             with self.record.clock("verify"):
                 off, error = find_imbalance(here, here.error, self.tol, self._impulse_gain)
                 if error > here.error:
-                    self.here = replace(self.here, error=error)
+                    self.here = self.here.with_values(error=error)
         if off is not None or self.unbalance is not None:
             self.hint = str(off or "")
         self.unbalance = off
@@ -501,7 +501,7 @@ class Workspace(Generic[Place]):
         """
         old, mesh = self.here.bare(), self.with_boundaries(mesh)
         self.transcribe(mesh, old.path, old.rows_on(mesh), like=old.path)
-        first = replace(self.here, gain=old.gain, noise=old.noise, error=old.error)
+        first = self.here.with_values(gain=old.gain, noise=old.noise, error=old.error)
         self.here, reach = first, max(FOLLOWED_REACH, EXPECTED * missed)
         self.recovered = not self.follow(reach=reach)
         if self.recovered:

@@ -78,6 +78,8 @@ one_thread = _OneThread()
 def by_each(matrix: Array, stack: Array) -> Array:
     """Return a matrix (r, p) times each of a stack, (E, p, k): (E, r, k)."""
     count, _, columns = stack.shape
+    if columns == 1:
+        return (stack[:, :, 0] @ matrix.T)[:, :, None]
     if count < MANY_MATRICES or columns > NARROW_MATRIX:
         return matrix @ stack
     wide = np.kron(matrix.T, np.eye(columns))

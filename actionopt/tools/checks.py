@@ -103,8 +103,10 @@ def numbers(value: object, what: str) -> np.ndarray:
 
 def _check_bare(value: Any, what: str) -> None:
     """Raise ValueError for what says more than numbers: units, labels (pandas, ...), or masks."""
+    if type(value) in (float, int):
+        return
     parts = value if isinstance(value, (list, tuple)) else [value]
-    if any(isinstance(x, np.ndarray) and np.any(getattr(x, "mask", False)) for x in parts):
+    if any([np.any(x.mask) for x in parts if isinstance(x, np.ndarray) and hasattr(x, "mask")]):
         raise ValueError(
             f"expected numbers for {what}, found {value!r}: masked entries are no "
             "numbers; leave them out"

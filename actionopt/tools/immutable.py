@@ -5,6 +5,7 @@ import of a hundred classes waits for them longer than for what they are to do.
 """
 
 from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields
+from functools import cache
 from reprlib import recursive_repr
 from typing import Any, Never, TypeVar, dataclass_transform
 
@@ -44,10 +45,26 @@ def make_unchecked(cls: type[T], **values: Any) -> T:
     return made
 
 
+def change(value: T, **attributes: Any) -> T:
+    """Return a value of the same class with other attributes, which are known to be good.
+
+    As `dataclasses.replace`, without `__init__` and `__post_init__`: what was worked out of the old
+    attributes is left behind.
+    """
+    known = vars(value)
+    return make_unchecked(type(value), **{k: known[k] for k in _names(type(value))} | attributes)
+
+
+@cache
+def _names(cls: Any) -> tuple[str, ...]:
+    """Return the names of a class's attributes."""
+    return tuple([f.name for f in fields(cls)])
+
+
 def _initializer(cls: Any) -> Any:
     """Return `__init__(self, FIELDS)` with their defaults, which ends with `__post_init__`."""
-    known: dict[str, Any] = {"_set": object.__setattr__, "_missing": _Factory()}
-    positional, named, lines, types = ["self"], ["*"], ["pass"], {}
+    known: dict[str, Any] = {"_missing": _Factory()}
+    positional, named, lines, types = ["self"], ["*"], ["_values = self.__dict__"], {}
     for f in fields(cls):
         value, made = f.name, f.default_factory is not MISSING
         if made:
@@ -61,7 +78,7 @@ def _initializer(cls: Any) -> Any:
                 known[f"_default_{f.name}"], default = f.default, f"=_default_{f.name}"
             (named if f.kw_only else positional).append(f.name + default)
         if f.init or made:  # another default is found in the class
-            lines.append(f"_set(self, {f.name!r}, {value})")
+            lines.append(f"_values[{f.name!r}] = {value}")
     if hasattr(cls, "__post_init__"):
         lines.append("self.__post_init__()")
     given = ", ".join(positional + named * (len(named) > 1))

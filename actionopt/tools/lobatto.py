@@ -8,11 +8,12 @@ good to 1e-12 is good to 1e-10 only.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 
 from actionopt.tools.blas import by_each
+from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
@@ -120,8 +121,7 @@ class Sampling:
         """Return the derivatives of values (E, m + 1, n) at the points, panel by panel."""
         E, points, n = values.shape
         rows = values.reshape(E * self.panels, -1, n)
-        parts = rows[:, :, 0] @ self._rates.T if n == 1 else by_each(self._rates, rows)
-        return self.panels * parts.reshape(values.shape)
+        return self.panels * by_each(self._rates, rows).reshape(values.shape)
 
     def integrals(self, values: Array) -> tuple[Array, Array]:
         """Return the integrals from -1 to the points of values (E, m + 1, n) there, and to 1.

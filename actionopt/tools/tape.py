@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
-from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
+
+from actionopt.tools.cached import cached_property
 
 T = TypeVar("T")
 # The second result of a function that is a table: which of the pieces its value is from.
