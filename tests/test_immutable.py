@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from actionopt.tools.immutable import immutable, make_unchecked
+from actionopt.tools.cached import cached_property
+from actionopt.tools.immutable import change, immutable, make_unchecked
 
 
 def written():
@@ -82,3 +83,23 @@ def test_unchecked_sets_what_is_given_and_derives_nothing():
     assert not hasattr(made, "names")
     with pytest.raises(FrozenInstanceError):
         made.x = 2.0
+
+
+def test_what_was_worked_out_of_other_attributes_is_left_behind():
+    @immutable
+    class Square:
+        """One whose area is worked out."""
+
+        side: float
+        unit: str = "m"
+
+        @cached_property
+        def area(self) -> float:
+            """The area."""
+            return self.side**2
+
+    small = Square(2.0)
+    assert small.area == 4.0 and vars(small)["area"] == 4.0
+    large = change(small, side=3.0)
+    assert (large.area, large.unit, small.area) == (9.0, "m", 4.0)
+    assert isinstance(Square.area, cached_property)

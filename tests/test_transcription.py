@@ -432,6 +432,19 @@ def test_problems_of_one_system_share_their_layout():
     assert layout(ends=(0.0, [None])) is not first
 
 
+def test_systems_share_what_numbers_their_nodes():
+    def layout(force=None, degree=4):
+        system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 4, ["x"], force=force)
+        problem = Problem(system, Event(0.0, 0.0), Event(1.0, 1.0))
+        return Transcription(problem, Mesh.uniform(0.0, 1.0, 3, degree), np.ones(1)).layout
+
+    first, second = layout(), layout()
+    assert second is not first and second.numbering is first.numbering
+    assert second.blocks is first.blocks
+    assert layout(force=lambda q, v, t: -v).blocks is not first.blocks
+    assert layout(degree=5).numbering is not first.numbering
+
+
 # -- what Ipopt sees -----------------------------------------------------------------------------
 
 

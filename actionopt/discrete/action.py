@@ -860,8 +860,9 @@ class Action:
 
     def keep_second(self, x: Array) -> None:
         """Keep what `second` returns at x, until it is asked for at another."""
-        if not self.problem.system.structure.steady and self.place(x).second is None:
-            self.place(x).second = [values.copy() for values in self.second(x)]
+        point = self.place(x)
+        if not self.problem.system.structure.steady and point.second is None:
+            point.second = [values.copy() for values in self.second(x)]
 
     def forces(self, x: Array) -> list[Array]:
         """Return the nonzeros of dQ/dq and dQ/dv, each (evaluations, nonzeros)."""

@@ -156,12 +156,13 @@ class Laws:
     @Once
     def structure(self) -> Structure:
         """Return on what the derivatives of L depend, by the sparsity of their own derivatives."""
+        forced = self.Q.numel() > 0
         moved = (
             self._depends("second", 2, (0, 1)),
             self._depends("second", 1, (0, 1)),
             self._depends("second", 0, (0, 1)),
             self.m > 0 and self._depends("constraint_jacobian", 0, (0,)),
-            any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
+            forced and any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1)),
         )
         L, f, Q = self.lagrangian_tape, self.operations(self.f), self.operations(self.Q)
         for tape in (L, f, Q):
@@ -183,12 +184,12 @@ class Laws:
             affine_constraint=not moved[3] and is_smooth(f),
             affine_force=not moved[4] and is_smooth_in_path(Q),
             constraints=self.m,
-            forced=self.Q.numel() > 0,
+            forced=forced,
             cyclic=cyclic,
             smooth=narrow < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
             jumpless=jumpless,
             hides=not jumpless and self.order == 1 and _may_hide(L),
-            pushes=self.Q.numel() > 0 and self.order == 1 and _may_hide(Q),
+            pushes=forced and self.order == 1 and _may_hide(Q),
             operations=L.operations | f.operations | Q.operations,
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )

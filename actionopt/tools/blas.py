@@ -148,7 +148,5 @@ def _number(number: int) -> Any:
 
 _constant = cache(_number)  # of what LAPACK does not write
 
-
-def _place(array: Array) -> Any:
-    """Return where the numbers of an array stand, row by row; they are kept as long as this is."""
-    return ctypes.byref(ctypes.c_char.from_buffer(array))
+# Where the numbers of an array stand, row by row; they are kept as long as this is.
+_place = (ctypes.c_char * 0).from_buffer

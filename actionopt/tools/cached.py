@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 T = TypeVar("T")
 
@@ -29,3 +29,7 @@ class cached_property(Generic[T]):
             return self
         found = instance.__dict__[self.name] = self.build(instance)
         return found
+
+    if TYPE_CHECKING:  # it is not there, and what is set is found before this is asked
+
+        def __set__(self, instance: object, value: T) -> None: ...
