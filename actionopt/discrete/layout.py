@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from actionopt.discrete.blocks import FULL_SIZE, Blocks, is_large
 from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.element import Element, element
-from actionopt.discrete.mesh import KEPT_NODES, SHAPES_KEPT, Mesh, Shape
+from actionopt.discrete.mesh import KEPT_NODES, SHAPES_KEPT, Elements, Mesh
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.cached import cached_property
@@ -89,7 +89,7 @@ class Numbering:
 
     def __init__(
         self,
-        shape: Shape,
+        shape: Elements,
         order: int,
         n: int,
         start: tuple[int, ...],
@@ -179,7 +179,7 @@ class Numbering:
 _numbering = lru_cache(SHAPES_KEPT)(Numbering)
 
 
-def numbering_of(shape: Shape, order: int, n: int, *ends: Any) -> Numbering:
+def numbering_of(shape: Elements, order: int, n: int, *ends: Any) -> Numbering:
     """Return the `Numbering` of these, which systems share where it is small."""
     made = _numbering if shape.offsets[-1] * order * n <= KEPT_NODES else Numbering
     return made(shape, order, n, *ends)

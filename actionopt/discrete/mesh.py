@@ -41,7 +41,7 @@ class Group:
 KEPT_NODES, SHAPES_KEPT = 2**10, 64
 
 
-class Shape:
+class Elements:
     """The elements and nodes of all meshes whose elements have these degrees."""
 
     def __init__(self, degrees: tuple[int, ...], singular_ends: tuple[int, int]) -> None:
@@ -73,7 +73,7 @@ class Shape:
         return [(rule, np.array([e])) for rule, e in found] + [k for k in inner if k[1].size]
 
 
-_shape = lru_cache(SHAPES_KEPT)(Shape)
+_shape = lru_cache(SHAPES_KEPT)(Elements)
 
 
 @immutable
@@ -217,9 +217,9 @@ class Mesh:
         return float(self.since[-1])
 
     @cached_property
-    def shape(self) -> Shape:
+    def shape(self) -> Elements:
         """What it has in common with meshes of the same degrees over any times."""
-        made = _shape if sum(self.degrees) <= KEPT_NODES else Shape
+        made = _shape if sum(self.degrees) <= KEPT_NODES else Elements
         return made(self.degrees, self.singular_ends)
 
     @cached_property
