@@ -242,3 +242,18 @@ def test_a_lagrangian_that_grows_with_the_speed_is_a_length():
     assert not is_length(systems.particle())
     assert is_length(ao.System(lambda q, v, t: np.sqrt(v @ v), ["x", "y"]))
     assert not is_length(ao.System(lambda q, v, t: np.sqrt(-1 - v @ v), ["x", "y"]))
+
+
+@pytest.mark.parametrize("through", [(), (ao.Event(0.5, [0.5, 0.6]),)], ids=["arc", "two_arcs"])
+def test_the_length_of_a_path_with_a_given_integral(through):
+    """The arc over a chord of length 1 that has the area .3 below it; the length is no action."""
+    system = ao.System.geodesic(
+        lambda q, v: np.sqrt(v @ v), ["x", "y"], integral=lambda q, v, t: q[1] * v[0]
+    )
+    ends = ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 0.0])
+    solution = ao.solve(ao.Problem(system, *ends, through=through, integral=0.3))
+    t = np.linspace(0.0, 1.0, 2001)
+    x, y = solution(t)
+    assert solution.length == pytest.approx(np.hypot(np.diff(x), np.diff(y)).sum(), rel=1e-5)
+    if not through:
+        assert abs(solution.length - 1.3867333434165148) < 1e-9

@@ -398,3 +398,47 @@ def test_an_end_in_contact_has_no_second_derivative():
     _check_contacts(held((Arc(0, 1.2, 1.5),)))
     _check_contacts(held((Arc(0, 1.0, 1.5),), ao.Event(1.0, [None])))  # it is not given
     _check_contacts(held(None))
+
+
+X, WEIGHTS = np.polynomial.legendre.leggauss(60)
+
+
+@pytest.mark.parametrize(
+    ("law", "start", "T", "rate"),
+    [
+        (
+            lambda q, v, t, *, k: t**k * (v[0] ** 2 + q[0] ** 2) / 2,
+            None,
+            3.0,
+            lambda q, v, t: t**3 * np.log(t) * (v**2 + q**2) / 2,
+        ),
+        (
+            lambda q, v, t, *, k: v[0] ** 2 / 2 - 0.4 * abs(q[0]) ** k,
+            0.0,
+            1.0,
+            lambda q, v, t: -0.4 * q**3 * np.log(q),
+        ),
+    ],
+    ids=["power_of_t", "power_of_q"],
+)
+def test_derivatives_by_the_exponent_of_what_is_zero_at_an_end(law, start, T, rate):
+    """That of x^k is x^k log x: nothing times minus infinity at x = 0."""
+    problem = ao.Problem(
+        ao.System(law, ["x"], parameters={"k": 3.0}), ao.Event(0.0, [start]), ao.Event(T, [1.0])
+    )
+    solution = ao.solve(problem, tol=1e-10)
+    t = (X + 1) * T / 2
+    q, v = solution(t)[0], solution.velocity(t)[0]
+    slope = WEIGHTS @ rate(q, v, t) * T / 2
+    assert solution.sensitivity().parameters["k"] == pytest.approx(slope, rel=1e-7)
+    runs = ao.sweep(problem, {"k": [3.0], "t1": [T]})
+    assert runs.slopes[0, 0] == pytest.approx([slope, -solution.energy(T)], rel=1e-7)
+
+
+def test_an_infinite_rate_of_l_at_a_centre_counts_only_where_the_centre_moves():
+    system = ao.System(lambda q, v, t: t**0.5 * (v[0] ** 2 + q[0] ** 2) / 2, ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(3.0, [1.0]))
+    solution = ao.solve(problem)
+    assert solution.sensitivity().t1 == pytest.approx(-solution.energy(3.0), rel=1e-7)
+    slope = ao.sweep(problem, {"t1": [3.0]}).slopes[0, 0]
+    assert slope == pytest.approx(-solution.energy(3.0), rel=1e-7)

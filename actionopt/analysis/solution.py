@@ -175,23 +175,28 @@ class Solution:
     def length(self) -> float:
         """The length of a geodesic (`System.geodesic`), sqrt(2 S (t1 - t0)); of all its legs.
 
+        Where integrals are given it is the integral of the length: the rate may then change.
         Raises ValueError for any other system, and where the length is negative on the way.
         """
-        problem, t = self.problem, self.mesh.nodes
-        if problem.through:  # at given times they are run through at rates of their own
+        problem, at = self.problem, self.discrete
+        given = problem.kappa.size > 0
+        if problem.through and not given:  # at given times each leg has a rate of its own
             return sum(leg.length for leg in self.parts)
-        if problem.system.F is None:
+        law = problem.plain or problem.system
+        if law.F is None:
             raise ValueError(
                 "expected a path of System.geodesic(length, coordinates), found one of a "
                 "Lagrangian: it has an action, and no length"
             )
-        state = self(t).T, self.path.velocity(t).T, t[:, None], problem.packed
-        F = problem.system.pointwise("length")(*state)[0]
+        place = at.tr.place(at.x)
+        F = law.pointwise("length")(place.at, place.v, at.tr.times, problem.packed_of(law))[0]
         if not F.min() >= 0:
             raise ValueError(
                 "expected a length that is not negative, found one that is along the path: the "
                 "rates that F^2 keeps equal differ in sign; add what makes F positive"
             )
+        if given:
+            return float(np.sum(at.tr.weight * F))
         return float(np.sqrt(2 * self.action * problem.duration))
 
     @cached_property

@@ -38,6 +38,7 @@ from actionopt.discrete.second_quadrature import NO_DEPARTURE, PANEL_COUNTS, inv
 from actionopt.mechanics.columns import Columns
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
+from actionopt.tools.tape import parameter_gradient
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
 
@@ -318,9 +319,12 @@ class Stack:
         energy = (v * p).sum(axis=1) - L[:, 0]
         stretch = -(self.weight * energy).sum(axis=(0, 1)) / self.duration
         share, later = s.since[:, :, None], self.weight * by_time[:, 0]
+        by_t0, by_t1 = (  # an infinite L_t matters where times move alone
+            (np.where(part, later, 0.0) * part).sum(axis=(0, 1)) for part in (1 - share, share)
+        )
         return {
-            "t0": (later * (1 - share)).sum(axis=(0, 1)) - stretch,
-            "t1": (later * share).sum(axis=(0, 1)) + stretch,
+            "t0": by_t0 - stretch,
+            "t1": by_t1 + stretch,
             "parameters": (self.weight[:, None] * by_parameters).sum(axis=(0, 2)).T,
         }
 
@@ -671,7 +675,7 @@ def compile_function(system: System, name: str) -> Columns:
             by_time = ca.jacobian(system.L, s.t)
             found = [ca.densify(d.Lq), ca.densify(d.Lv), system.L, ca.densify(by_time)]
         else:
-            by = [ca.densify(ca.jacobian(system.L, x).T) for x in (s.t, s.p)]
+            by = ca.densify(ca.jacobian(system.L, s.t)), parameter_gradient(system.L, s.p)
             found = [system.L, ca.densify(d.Lv), *by]
         return Columns(ca.Function(name, [s.q, s.v, s.t, s.p], ca.cse(found)))
 

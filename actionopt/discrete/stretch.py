@@ -28,6 +28,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.stretched_rows import StretchedRows
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.system import System
+from actionopt.tools.tape import parameter_gradient
 from actionopt.tools.types import Array, NDInt
 
 
@@ -118,7 +119,10 @@ class Stretch:
     def sums(self, L: Array, by_q: Array, by_v: Array, by_t: Array | float) -> Array:
         """Return how sum w L changes, (J,), for L and its derivatives."""
         change = self.longer @ (self.weight * (L + self._along(0, by_q, by_v)))
-        return change + self.later @ (self.weight * by_t) if self.timed else change
+        if not self.timed:
+            return change
+        moved = np.where(self.later, by_t, 0.0)  # an infinite L_t matters where times move alone
+        return change + (self.weight * self.later * moved).sum(axis=1)
 
     def slopes(self, lam: Array | None = None) -> Array:
         """Return dS, (J,), in the user's units; with constraints L stands for L + sum lam f.
@@ -219,7 +223,7 @@ def _explicit(system: System) -> Pointwise:
     lam = ca.SX.sym("lam", system.m)
     L = system.L + (ca.dot(lam, system.f) if system.m else 0)
     by_time = ca.densify(ca.jacobian(L, s.t))
-    by_parameters = ca.densify(ca.jacobian(L, s.p).T)
+    by_parameters = parameter_gradient(L, s.p)
     function = ca.Function("explicit", [s.q, s.v, s.t, s.p, lam], [by_time, by_parameters])
     return Pointwise(function)
 

@@ -186,6 +186,24 @@ class Tape:
         return name if name == "t" else f"{name}[{node.entry[1]}]"
 
 
+def parameter_gradient(L: ca.SX, p: ca.SX) -> ca.SX:
+    """Return dL/dp, a dense column, in which x^p log x, the derivative of x^p, is zero at x = 0."""
+    found, symbols = ca.densify(ca.jacobian(L, p).T), ca.vertcat(*ca.symvar(L))
+    if not p.numel() or ca.OP_POW not in Tape([symbols], [L]).operations:
+        return found
+
+    def make(node: Node, x: list[ca.SX]) -> ca.SX:
+        if node.kind != "operation":
+            return symbols[node.entry[1]] if node.kind == "input" else ca.SX(node.value)
+        if node.operation == ca.OP_LOG:  # one of L's own makes L infinite there
+            x = [x[0] + (x[0] == 0)]
+        return node.of(x)
+
+    tape = Tape([symbols], [found])
+    made = tape.fold(make)
+    return ca.vertcat(*[made[k] for k in tape.results[0]])
+
+
 def _is_table(function: ca.Function) -> bool:
     return PIECE in function.name_out() or function.class_name() == "LinearInterpolant"
 
