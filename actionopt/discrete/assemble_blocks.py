@@ -269,21 +269,12 @@ def _full(tr: Action, function: str, output: int, values: Array) -> Array | None
     n = tr.problem.system.n
     key = function, output
     if key not in tr.unfolded:
-        tr.unfolded[key] = _full_places(tr, function, output)
+        of = tr.problem.system.pointwise(function)
+        index, there = of.entries(output, symmetric=function == "second" and output != 1)
+        unit = there * (tr.lengths[:, None] * tr.lengths / tr.action_unit)
+        tr.unfolded[key] = index.ravel(), unit.ravel()
     index, unit = tr.unfolded[key]
     return (values[:, index] * unit).reshape(-1, n, n)
-
-
-def _full_places(tr: Action, function: str, output: int) -> tuple[Array, Array]:
-    """Return which nonzero is each entry of the (n, n) matrix, (n^2,), and its unit; 0 for none."""
-    n = tr.problem.system.n
-    row, col = tr.problem.system.pointwise(function).sparsity(output)
-    index, unit = np.zeros((n, n), dtype=np.intp), np.zeros((n, n))
-    index[row, col] = np.arange(row.size)
-    unit[row, col] = tr.lengths[row] * tr.lengths[col] / tr.action_unit
-    if function == "second" and output != 1:  # upper triangles
-        index, unit = np.maximum(index, index.T), np.maximum(unit, unit.T)
-    return index.ravel(), unit.ravel()
 
 
 def _constraints(tr: Action, z: Array) -> Array:

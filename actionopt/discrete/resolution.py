@@ -123,17 +123,16 @@ def cheapest_mesh(found: Resolution, target: float, *, sparse: bool = False) -> 
     mesh, n = found.mesh, found.scaled.shape[1]
     degrees, steep = np.array(mesh.degrees), found.steep()
     parts, degree = _cheapest(degrees, found, steep, target, n, sparse)
-    since = [mesh.since[:1]]
-    new_degrees = []
-    for e in range(mesh.elements):
-        left, right = mesh.since[e], mesh.since[e + 1]
-        if parts[e] == 0:
-            cuts = _around(left, right, steep[:, e])
-        else:
-            cuts = np.linspace(left, right, parts[e] + 1)[1:]
-        since.append(cuts)
-        new_degrees += [degree[e]] * cuts.size
-    return mesh.cut(np.concatenate(since), _alike(np.array(new_degrees)))
+    count = np.maximum(parts, 1)
+    of, ends = np.repeat(np.arange(mesh.elements), count), np.cumsum(count)
+    k = np.arange(of.size) - (ends - count)[of] + 1
+    since = mesh.since[of] + k * (mesh.lengths / count)[of]
+    since[ends - 1] = mesh.since[1:]
+    for e in (parts == 0).nonzero()[0]:
+        cuts = _around(mesh.since[e], mesh.since[e + 1], steep[:, e])[:-1]
+        since, of = np.append(since, cuts), np.append(of, np.full(cuts.size, e))
+    order = np.argsort(since)
+    return mesh.cut(np.append(mesh.since[0], since[order]), _alike(degree[of[order]]))
 
 
 def _alike(degrees: NDInt) -> NDInt:

@@ -43,6 +43,7 @@ class Pointwise:
         self.function = function
         self._memory = _Memory()
         self._sparsity: dict[int, tuple[Array, Array]] = {}
+        self._entries: dict[tuple[int, bool], tuple[Array, Array]] = {}
 
     def __reduce__(self) -> tuple:
         """Copy the function; the copy has memory of its own."""
@@ -78,6 +79,21 @@ class Pointwise:
             both = np.array(found.row(), dtype=np.intp), np.array(found.get_col(), dtype=np.intp)
             self._sparsity[output] = both
         return self._sparsity[output]
+
+    def entries(self, output: int, *, symmetric: bool = False) -> tuple[Array, Array]:
+        """Return which nonzero each entry of an output is, and which there are, both (n, n).
+
+        Where it is `symmetric`, the nonzeros may be those of a triangle.
+        """
+        key = output, symmetric
+        if key not in self._entries:
+            row, col = self.sparsity(output)
+            index, there = np.zeros((2, *self.function.size_out(output)), dtype=np.intp)
+            index[row, col], there[row, col] = np.arange(row.size), 1
+            if symmetric:
+                index, there = np.maximum(index, index.T), np.maximum(there, there.T)
+            self._entries[key] = index, there
+        return self._entries[key]
 
     def full(self, output: int, nonzeros: Array, *, symmetric: bool = False) -> Array:
         """Return matrices (K, rows, columns) for the nonzeros (K, nonzeros) of an output.
