@@ -36,8 +36,8 @@ class Group:
     span: slice
 
 
-# Nodes up to which shapes are kept, and how many, the latest used: some MB with all that is
-# numbered by them (`layout`); ad hoc.
+# Nodes up to which shapes are kept, and how many, the latest used: some ten MB at most, with all
+# that is numbered by them (`layout`); ad hoc.
 KEPT_NODES, SHAPES_KEPT = 2**10, 64
 
 
