@@ -46,6 +46,7 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import Event, State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import jumps
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance
@@ -605,7 +606,7 @@ def _energy_drift(
         lam = np.zeros((0, t.size))
         if system.m:
             lam = system.multipliers(q, v, t, parameters=parameters)
-        power_at = system.memoize("power", lambda: _power(system))
+        power_at = _power(system)
         # Each element on its own side of the instants at which L switches.
         bounds = sides(mesh, problem.instants) if problem.instants else None
         work = np.empty(mesh.elements)
@@ -634,6 +635,7 @@ def _energy_drift(
     return drift / (size if size > 0 else 1.0)
 
 
+@keep
 def _power(system: System) -> Pointwise:
     """Return the function of dH/dt by the equations of motion; the multipliers come last."""
     sym = system.symbols

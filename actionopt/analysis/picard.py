@@ -63,13 +63,12 @@ class Curve(Protocol):
 class _Rule(NamedTuple):
     """Gauss's k points in [0, 1], and integrals of the polynomials through values there.
 
-    The largest gap between them and the ends; matrices that map values to the coefficients of
+    Matrices that map values to the coefficients of
     Legendre's polynomials (k, k), to integrals from 0 to the points and to 1 (k + 1, k), and to
     the integrals of these.
     """
 
     points: Array
-    widest: float
     coefficients: Array
     once: Array
     twice: Array
@@ -82,8 +81,7 @@ def _rule(count: int) -> _Rule:
     coefficients = (np.arange(count)[:, None] + 0.5) * legendre(count - 1, x) * w
     once, twice = (each.T @ coefficients for each in _integrals(count, np.append(x, 1.0)))
     points = (x + 1) / 2
-    widest = float(np.diff(points, prepend=0.0, append=1.0).max())
-    return _Rule(points, widest, coefficients, once, twice)
+    return _Rule(points, coefficients, once, twice)
 
 
 def _integrals(count: int, x: Array) -> tuple[Array, Array]:

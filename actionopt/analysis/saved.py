@@ -12,7 +12,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import Unknowns
 from actionopt.discrete.path import Path
 from actionopt.mechanics.events import RATES, Bounce, Event, Periodic, Phase, Tail
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.problem import BetweenEvents, Problem
 from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import ParameterTable
@@ -126,7 +126,7 @@ def _event(t: float, q: list[Any], *rates: Any) -> Event:
     return Event(t, q, **dict(zip(RATES, rates, strict=False)))
 
 
-class Detached:
+class Detached(BetweenEvents):
     """Stands for the problem of a solution loaded without its system: events and parameters."""
 
     def __init__(self, about: dict[str, Any]) -> None:
@@ -153,27 +153,7 @@ class Detached:
         energy = None if self.asked is None else self.asked["energy"]
         self.energy: float | None = None if energy is None else float(energy)
 
-    @property
-    def joints_found(self) -> tuple[Event, ...]:
-        """The start, the events between and the end."""
-        return (self.start, *self.through, self.end)
-
-    @property
-    def advance(self) -> Array | None:
-        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
-        return None if self.end.advance is None else np.array(self.end.advance)
-
-    @property
-    def order(self) -> tuple[int, ...]:
-        """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
-        return self.end.order
-
     closes = False  # it has no system that would say whether there is a clock
-
-    @property
-    def has_tails(self) -> bool:
-        """Whether an event lies at infinite time."""
-        return bool(self.start.side or self.end.side)
 
     @property
     def rests(self) -> tuple[Rest | None, Rest | None]:

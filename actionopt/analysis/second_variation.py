@@ -31,6 +31,7 @@ from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.course import check_free, check_whole
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.immutable import immutable
@@ -355,13 +356,9 @@ def coefficient_entries(
     return [(row, col, X.reshape(len(q), -1)) for X in full if X is not None]
 
 
+@keep
 def couples_at_rest(system: System) -> Pointwise | None:
     """Return the function of S(q, t) and dS/dt along a path; None where S is zero."""
-    return system.memoize("coupling", lambda: _coupling(system))
-
-
-def _coupling(system: System) -> Pointwise | None:
-    """Return the function of `couples_at_rest`, made anew."""
     s, n = system.symbols, system.n
     mixed = ca.substitute(system.derivatives.Lqv, s.v, ca.SX.zeros(n))
     S = ca.sparsify((mixed + mixed.T) / 2)

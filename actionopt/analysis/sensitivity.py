@@ -30,6 +30,7 @@ from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.mechanics.course import jet_normals
 from actionopt.mechanics.events import RATES
 from actionopt.mechanics.held import Held
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
@@ -234,20 +235,21 @@ def _with_rest(
 def _rest_by_parameters(problem: Problem, rest: Rest, t: float) -> tuple[Array, Array]:
     """Return the derivatives of q and p at rest by the packed parameters, (n, p) each."""
     system = problem.system
-
-    def build() -> ca.Function:
-        s, lam = system.symbols, ca.SX.sym("lam", system.m)
-        L = system.L + (ca.dot(lam, system.f) if system.m else 0)
-        forces, momenta = ca.vertcat(ca.jacobian(L, s.q).T, system.f), ca.jacobian(L, s.v).T
-        unknown = ca.vertcat(s.q, lam)
-        by = [ca.jacobian(x, y) for x in (forces, momenta) for y in (unknown, s.p)]
-        return ca.Function("rest", [s.q, s.v, s.t, s.p, lam], [ca.densify(x) for x in by])
-
-    function, still = system.memoize("rest by parameters", build), np.zeros(system.n)
-    found = function(rest.q, still, t, problem.packed.ravel(), rest.lam)
+    found = _rest_slopes(system)(rest.q, np.zeros(system.n), t, problem.packed.ravel(), rest.lam)
     K, loads, slopes, direct = (x.full() for x in found)
     change = -np.linalg.lstsq(K, loads)[0]
     return change[: system.n], slopes @ change + direct
+
+
+@keep
+def _rest_slopes(system: System) -> ca.Function:
+    """Return the function of how forces, then momenta, change with (q, lam) and parameters."""
+    s, lam = system.symbols, ca.SX.sym("lam", system.m)
+    L = system.L + (ca.dot(lam, system.f) if system.m else 0)
+    forces, momenta = ca.vertcat(ca.jacobian(L, s.q).T, system.f), ca.jacobian(L, s.v).T
+    unknown = ca.vertcat(s.q, lam)
+    by = [ca.jacobian(x, y) for x in (forces, momenta) for y in (unknown, s.p)]
+    return ca.Function("rest", [s.q, s.v, s.t, s.p, lam], [ca.densify(x) for x in by])
 
 
 def _reaction(

@@ -17,6 +17,7 @@ import numpy as np
 from actionopt.analysis.flow import Flow, IntegrationError
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import State
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import RANK, Array
@@ -47,7 +48,7 @@ def begin(flow: Flow, state: State, t_end: float, degree: int) -> tuple[Array, A
     system, n, rule = flow.system, flow.system.n, lgl(degree)
     table = system.table
     packed = table.pack(table.values(flow.parameters))
-    residual = system.memoize("collocation", lambda: _residual(system))
+    residual = _residual(system)
     D = rule.derivative * (2 / (t_end - state.t))
     t = state.t + (t_end - state.t) * (1 + rule.nodes) / 2
     Q = np.repeat(state.q[None], degree + 1, axis=0)
@@ -82,6 +83,7 @@ def begin(flow: Flow, state: State, t_end: float, degree: int) -> tuple[Array, A
     )
 
 
+@keep
 def _residual(system: System) -> Pointwise:
     """Return the function of M a - bias and its derivatives by q, v and a, column by column."""
     s, a = system.symbols, ca.SX.sym("a", system.n)

@@ -8,6 +8,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.stretch import Stretch, by_joints
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.system import System
 from actionopt.tools.types import EPS, Array
 
@@ -52,13 +53,10 @@ def integrands(at: DiscretePath) -> tuple[Array, Array, Array, Array]:
     return g.copy(), by_q.reshape(shape).copy(), by_v.reshape(shape).copy(), by_t.copy()
 
 
+@keep
 def _function_of(system: System) -> Pointwise:
     """Return the function of g and its derivatives."""
-
-    def build() -> Pointwise:
-        s, g = system.symbols, system.g
-        outputs = [g, *(ca.vec(ca.jacobian(g, x).T) for x in (s.q, s.v)), ca.jacobian(g, s.t)]
-        function = ca.Function("integrals", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in outputs])
-        return Pointwise(function)
-
-    return system.memoize("integrals", build)
+    s, g = system.symbols, system.g
+    outputs = [g, *(ca.vec(ca.jacobian(g, x).T) for x in (s.q, s.v)), ca.jacobian(g, s.t)]
+    function = ca.Function("integrals", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in outputs])
+    return Pointwise(function)

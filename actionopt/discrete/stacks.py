@@ -466,10 +466,10 @@ class Stack:
             np.moveaxis(x, 0, 2).reshape(*x.shape[1:], *half.shape).copy()
             for x in (inverses(inertia, self.shape.units), inertia)
         )
-        gained, _ = rule.running(half * force)
+        gained, _ = rule.integrals_in_rows(half * force)
         gained -= momentum
         v = _multiply(inverse, gained)
-        q, mean = rule.running(v)
+        q, mean = rule.integrals_in_rows(v)
         mean /= 2
         v -= mean
         q -= (rule.nodes[:, None, None, None] + 1) * mean

@@ -27,6 +27,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.stretched_rows import StretchedRows
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.system import System
 from actionopt.tools.tape import parameter_gradient
 from actionopt.tools.types import Array, NDInt
@@ -102,13 +103,12 @@ class Stretch:
     def _clock(self) -> list[Array]:
         """L_qt, p_t, L_t, and L_tt + sum lam f_tt."""
         at, system = self.at, self.at.problem.system
-        made = system.memoize("clocked", lambda: _clock_derivatives(system))
         lam = np.zeros((at.tr.layout.evaluations, system.m))
         if self._rows is not None:
             lam = self._rows.lam
         elif at.tr.order == 1:
             lam = np.nan_to_num(at.rows)[at.tr.layout.node_of]
-        return [x.copy() for x in made(*self._state, lam)]
+        return [x.copy() for x in _clock_derivatives(system)(*self._state, lam)]
 
     def _along(self, which: int, by_q: Array, by_v: Array) -> Array:
         """Return D.L_y (0) or D2.L_y (1) at the evaluations, for what stands for L_q and L_v."""
@@ -212,13 +212,9 @@ def by_joints(at: DiscretePath, events: NDInt | slice = slice(None)) -> Stretch:
     return Stretch(at, at.tr.joint_rates[events])
 
 
+@keep
 def explicit(system: System) -> Pointwise:
-    """Return the partial derivatives of L + sum lam f by the time and the packed parameters."""
-    return system.memoize("explicit", lambda: _explicit(system))
-
-
-def _explicit(system: System) -> Pointwise:
-    """Return the function (q, v, t, p, lam) -> derivatives by t and p of L + lam f."""
+    """Return the function (q, v, t, p, lam) -> derivatives by t and p of L + sum lam f."""
     s = system.symbols
     lam = ca.SX.sym("lam", system.m)
     L = system.L + (ca.dot(lam, system.f) if system.m else 0)
@@ -228,6 +224,7 @@ def _explicit(system: System) -> Pointwise:
     return Pointwise(function)
 
 
+@keep
 def _clock_derivatives(system: System) -> Pointwise:
     """Return the function of L_qt, L_vt, L_t, and L_tt + sum lam f_tt."""
     s, lam = system.symbols, ca.SX.sym("lam", system.m)

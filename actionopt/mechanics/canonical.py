@@ -14,41 +14,26 @@ from __future__ import annotations
 import casadi as ca
 
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import Symbols
 
 
+@keep
 def jet_of(system: System) -> list[ca.SX]:
     """Return the symbols of q and its derivatives up to that of order 2 r, r that of L's highest.
 
     The first r + 1 are the system's own.
     """
     s, n, r = system.symbols, system.n, system.order
-
-    def build() -> list[ca.SX]:
-        below = ca.vertsplit(s.q, n) if r > 1 else [s.q]
-        return [*below, s.v, *(ca.SX.sym(f"q{k}", n) for k in range(r + 1, 2 * r + 1))]
-
-    return system.memoize("jet", build)
+    below = ca.vertsplit(s.q, n) if r > 1 else [s.q]
+    return [*below, s.v, *(ca.SX.sym(f"q{k}", n) for k in range(r + 1, 2 * r + 1))]
 
 
 def rate_of(system: System, x: ca.SX) -> ca.SX:
     """Return dx/dt along a motion, of an expression of the time and all of the jet but its last."""
     jet = jet_of(system)
     return ca.jtimes(x, ca.vertcat(*jet[:-1], system.symbols.t), ca.vertcat(*jet[1:], 1))
-
-
-def motion_of(system: System) -> System:
-    """Return the system of the coordinates Y (order n,) that moves so; it has no action."""
-    return system.memoize("motion of order two", lambda: _motion_of(system))
-
-
-def momenta_of(system: System) -> Pointwise:
-    """Return the function of the momenta p_1, p_2, ... and how they change with y_r, y_(r + 1), ...
-
-    Of Y and its rates, (order n,) each, the time and the packed parameters.
-    """
-    return system.memoize("momenta", lambda: _momenta_of(system))
 
 
 def _symbols_of(system: System) -> tuple[Symbols, list[ca.SX]]:
@@ -73,7 +58,12 @@ def momenta_by(system: System, y: list[ca.SX]) -> list[ca.SX]:
     return found
 
 
-def _momenta_of(system: System) -> Pointwise:
+@keep
+def momenta_of(system: System) -> Pointwise:
+    """Return the function of the momenta p_1, p_2, ... and how they change with y_r, y_(r + 1), ...
+
+    Of Y and its rates, (order n,) each, the time and the packed parameters.
+    """
     s, y = _symbols_of(system)
     p = ca.vertcat(*momenta_by(system, y)[1:])
     by = ca.jacobian(p, ca.vertcat(*y[system.order : -1]))
@@ -81,14 +71,11 @@ def _momenta_of(system: System) -> Pointwise:
     return Pointwise(ca.Function("momenta", [s.q, s.v, s.t, s.p], outputs))
 
 
+@keep
 def held_motion_of(system: System) -> Pointwise:
     """Return the function of y_2r and the constraints' multipliers, of what `momenta_of` is one."""
-
-    def build() -> Pointwise:
-        s, *found = _highest(system)
-        return Pointwise(ca.Function("held", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in found]))
-
-    return system.memoize("held motion", build)
+    s, *found = _highest(system)
+    return Pointwise(ca.Function("held", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in found]))
 
 
 def _highest(system: System) -> tuple[Symbols, ca.SX, ca.SX]:
@@ -114,8 +101,12 @@ def _highest(system: System) -> tuple[Symbols, ca.SX, ca.SX]:
     return s, found[:n], found[n:]
 
 
-def _motion_of(system: System) -> System:
-    """Return the system of `motion_of`, made anew: y_2r by the constraints or by p_0 = 0."""
+@keep
+def motion_of(system: System) -> System:
+    """Return the system of the coordinates Y (order n,) that moves so; it has no action.
+
+    y_2r is that of the constraints, or of p_0 = 0.
+    """
     n, r = system.n, system.order
     if system.m:
         s, highest, _ = _highest(system)

@@ -24,6 +24,7 @@ import numpy as np
 from actionopt.mechanics.canonical import jet_of, rate_of
 from actionopt.mechanics.events import RATES, Bounce, Event, Periodic
 from actionopt.mechanics.identity import general_points, vanishes
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.surface import SURFACE_TOLERANCE, with_surface
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import STATE, SWITCHES, Symbols
@@ -123,43 +124,7 @@ def check_course(problem: Any) -> tuple[Event, ...]:
 
     Raises ValueError where they do not fit the rest of the question.
     """
-    system, n = problem.system, problem.system.n
-    found: list[Event] = []
-    for k, event in enumerate(problem.through):
-        if isinstance(event, Periodic) or not isinstance(event, Event):
-            raise ValueError(
-                f"expected Events or Bounces in through, found {event!r} as number {k}"
-            )
-        if event.t is not None and not np.isfinite(event.t):
-            raise ValueError(f"expected finite times in through, found {event.t}")
-        if event.q is None:
-            event = event._replace(q=[None] * n)
-        if len(event.q) != n:
-            raise ValueError(
-                f"expected {n} coordinates ({', '.join(system.coordinates)}) at event {k} of "
-                f"through, found {len(event.q)}"
-            )
-        if event.on is None and event.t is None and not event.pinned and not event.rates:
-            raise ValueError(
-                f"expected a time, a coordinate or a surface at event {k} of through, found "
-                "nothing given: the path would not have to do anything there; leave it out"
-            )
-        check_rates(problem, (event,))
-        if event.on is not None:
-            event = with_surface(event, system)
-            if isinstance(event, Bounce) and event.on.count > 1:
-                raise ValueError(
-                    "expected a Bounce off one surface, found that on returns "
-                    f"{event.on.count} expressions at event {k} of through: no law says how a "
-                    "path is reflected where they meet; give one of them"
-                )
-            free = n - len(event.pinned)
-            if event.on.count > free:
-                raise ValueError(
-                    f"expected on at event {k} of through to return at most {free} expressions, "
-                    f"one for each free coordinate, found {event.on.count}"
-                )
-        found.append(event)
+    found = [_check_event(problem, k, event) for k, event in enumerate(problem.through)]
     known = [(e.t, i) for i, e in enumerate((problem.start, *found, problem.end))]
     times = [x for x in known if x[0] is not None]
     for (a, _), (b, i) in pairwise(times):
@@ -174,6 +139,43 @@ def check_course(problem: Any) -> tuple[Event, ...]:
     _refuse(problem, unknown or problem.has_open_ends)
     _check_sides(problem, found)
     return tuple(found)
+
+
+def _check_event(problem: Any, k: int, event: Any) -> Event:
+    """Return an event between the ends with its surface traced. Raises as `check_course`."""
+    system, n = problem.system, problem.system.n
+    if isinstance(event, Periodic) or not isinstance(event, Event):
+        raise ValueError(f"expected Events or Bounces in through, found {event!r} as number {k}")
+    if event.t is not None and not np.isfinite(event.t):
+        raise ValueError(f"expected finite times in through, found {event.t}")
+    if event.q is None:
+        event = event._replace(q=[None] * n)
+    if len(event.q) != n:
+        raise ValueError(
+            f"expected {n} coordinates ({', '.join(system.coordinates)}) at event {k} of "
+            f"through, found {len(event.q)}"
+        )
+    if event.on is None and event.t is None and not event.pinned and not event.rates:
+        raise ValueError(
+            f"expected a time, a coordinate or a surface at event {k} of through, found "
+            "nothing given: the path would not have to do anything there; leave it out"
+        )
+    check_rates(problem, (event,))
+    if event.on is None:
+        return event
+    event, free = with_surface(event, system), n - len(event.pinned)
+    if isinstance(event, Bounce) and event.on.count > 1:
+        raise ValueError(
+            "expected a Bounce off one surface, found that on returns "
+            f"{event.on.count} expressions at event {k} of through: no law says how a "
+            "path is reflected where they meet; give one of them"
+        )
+    if event.on.count > free:
+        raise ValueError(
+            f"expected on at event {k} of through to return at most {free} expressions, "
+            f"one for each free coordinate, found {event.on.count}"
+        )
+    return event
 
 
 def _check_sides(problem: Any, found: Sequence[Event]) -> None:
@@ -243,16 +245,13 @@ def rates_of_constraints(system: System) -> list[ca.SX]:
     return rows
 
 
+@keep
 def jet_normals(system: System) -> ca.Function:
     """Return by what constraints hold q and its rates below the order: (m r, n r) at (y, t, p)."""
-
-    def build() -> ca.Function:
-        known = ca.vertcat(*jet_of(system)[: system.order])
-        rows = ca.jacobian(ca.vertcat(*rates_of_constraints(system)), known)
-        arguments = [known, system.symbols.t, system.symbols.p]
-        return ca.Function("jet_normals", arguments, [ca.densify(rows)])
-
-    return system.memoize("jet normals", build)
+    known = ca.vertcat(*jet_of(system)[: system.order])
+    rows = ca.jacobian(ca.vertcat(*rates_of_constraints(system)), known)
+    arguments = [known, system.symbols.t, system.symbols.p]
+    return ca.Function("jet_normals", arguments, [ca.densify(rows)])
 
 
 def check_rates_on_constraints(problem: Any) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import wraps
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import casadi as ca
@@ -67,6 +68,17 @@ class Once(Generic[T]):
             if self.name not in kept:
                 kept[self.name] = self.build(laws)
             return kept[self.name]
+
+
+def keep(build: Callable[[Any], T]) -> Callable[[Any], T]:
+    """Return a function of laws that derives something from them once: they keep it."""
+    name = f"{build.__module__}.{build.__qualname__}"
+
+    @wraps(build)
+    def find(laws: Laws) -> T:
+        return laws.memoize(name, lambda: build(laws))
+
+    return find
 
 
 @immutable

@@ -17,6 +17,7 @@ import numpy as np
 from actionopt.mechanics.canonical import rate_of
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import Event
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
@@ -48,20 +49,17 @@ class Arc:
         return self.begin == self.end
 
 
+@keep
 def rates_of_rows(system: System) -> Pointwise:
     """Return the function of df/dt, its derivatives by (q, v) and by t, and of d2f/dt2.
 
     Those of the constraints (m,) of a Lagrangian with accelerations, of (q, v), a, t and p.
     """
-
-    def build() -> Pointwise:
-        s = system.symbols
-        rate = rate_of(system, system.f)
-        outputs = rate, ca.jacobian(rate, s.q).T, ca.jacobian(rate, s.t), rate_of(system, rate)
-        arguments = [s.q, s.v, s.t, s.p]
-        return Pointwise(ca.Function("rates", arguments, [ca.densify(x) for x in outputs]))
-
-    return system.memoize("rates of rows", build)
+    s = system.symbols
+    rate = rate_of(system, system.f)
+    outputs = rate, ca.jacobian(rate, s.q).T, ca.jacobian(rate, s.t), rate_of(system, rate)
+    arguments = [s.q, s.v, s.t, s.p]
+    return Pointwise(ca.Function("rates", arguments, [ca.densify(x) for x in outputs]))
 
 
 def check_rows(system: System) -> None:

@@ -45,8 +45,36 @@ SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
 ALIKE = 6  # powers of two between coordinates that may be measured in one unit; ad hoc
 
 
+class BetweenEvents:
+    """What events say of the paths between them, whatever the system is."""
+
+    start: Event
+    end: Event
+    through: tuple[Event, ...]
+
+    @property
+    def joints_found(self) -> tuple[Event, ...]:
+        """The start, the events between and the end, as far as they have been found."""
+        return (self.start, *self.through, self.end)
+
+    @cached_property
+    def advance(self) -> Array | None:
+        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
+        return None if self.end.advance is None else np.array(self.end.advance)
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
+        return self.end.order
+
+    @property
+    def has_tails(self) -> bool:
+        """Whether the path comes from rest or tends to it beyond a window of finite times."""
+        return bool(self.start.side or self.end.side)
+
+
 @immutable
-class Problem:
+class Problem(BetweenEvents):
     """A system and two events.
 
     Parameters
@@ -295,11 +323,6 @@ class Problem:
         return self.laws or self.plain or self.system
 
     @property
-    def joints_found(self) -> tuple[Event, ...]:
-        """The start, the events between and the end, as far as they have been found."""
-        return (self.start, *self.through, self.end)
-
-    @property
     def joints(self) -> tuple[Event, ...]:
         """The start, the events between and the end as they were asked for, with their surfaces."""
         return self.original.joints_found
@@ -518,16 +541,6 @@ class Problem:
         end, integral = self.end.at(self.end.t), self.integral
         return Problem(self.question, start, end, integral=integral, **known)  # type: ignore[arg-type]
 
-    @cached_property
-    def advance(self) -> Array | None:
-        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
-        return None if self.end.advance is None else np.array(self.end.advance)
-
-    @property
-    def order(self) -> tuple[int, ...]:
-        """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
-        return self.end.order
-
     @property
     def closed_places(self) -> tuple[int, ...]:
         """`order` for coordinates and for derivatives below that of L's order, (order n,)."""
@@ -545,11 +558,6 @@ class Problem:
     def is_infinite(self) -> bool:
         """Whether an event lies at infinite time: `solve` then works on a window."""
         return math.isinf(self.start.t or 0.0) or math.isinf(self.end.t or 0.0)
-
-    @property
-    def has_tails(self) -> bool:
-        """Whether the path comes from rest or tends to it beyond a window of finite times."""
-        return bool(self.start.side or self.end.side)
 
     @property
     def leads_to_rest(self) -> bool:

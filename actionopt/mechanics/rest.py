@@ -55,8 +55,8 @@ class Rest:
         What lies beyond is action[0].eta + eta.action[1] eta / 2 above rest.
     mass : (n, n) array
         L_vv at rest.
-    slow, fast : float
-        The least and the largest rate of decay.
+    slow : float
+        The least rate of decay.
     lagrangian : float
         L at rest.
     lam : (m,) array
@@ -71,7 +71,6 @@ class Rest:
     action: tuple[Array, Array]
     mass: Array
     slow: float
-    fast: float
     lagrangian: float
     lam: Array
 
@@ -149,7 +148,7 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
         line, M = _action(plane.T @ at.pull, (A, B, C), rates, side)
         action = -side * momentum + plane @ line, plane @ M @ plane.T
     found = plane @ slope @ plane.T, plane @ rates @ plane.T, action, at.C
-    return Rest(side, q, momentum, *found, decay.min(), decay.max(), float(L[0]), at.lam)
+    return Rest(side, q, momentum, *found, decay.min(), float(L[0]), at.lam)
 
 
 @immutable

@@ -83,28 +83,39 @@ def _terms(tape: Tape, arguments: list[ca.SX]) -> tuple[dict[tuple, list[Term]],
     for root in range(last, -1, -1):
         if root not in factors or not moves[root]:
             continue
-        factor, parts = factors[root], []
-        code, of = tape.nodes[root].operation, tape.nodes[root].operands
-        if code in (ca.OP_ADD, ca.OP_SUB):
-            parts = [(of[0], factor), (of[1], -factor if code == ca.OP_SUB else factor)]
-        elif code in (ca.OP_NEG, ca.OP_TWICE):
-            parts = [(of[0], -factor if code == ca.OP_NEG else 2 * factor)]
-        elif code == ca.OP_MUL and not all(moves[i] for i in of):
-            moving, other = of if moves[of[0]] else of[::-1]
-            parts = [(moving, factor * made[other])]
-        elif code == ca.OP_DIV and not moves[of[1]]:
-            parts = [(of[0], factor / made[of[1]])]
-        elif (form := _form(tape.nodes, root)) is None:
-            rest += factor * made[root]
-        else:
+        factor, node = factors[root], tape.nodes[root]
+        parts = _parts(node.operation, node.operands, factor, moves, made)
+        form = None if parts else _form(tape.nodes, root)
+        if form is not None:
             found[form[0]].append((factor, form[1]))
             roots[form[0]].append(root)
+        elif not parts:
+            rest += factor * made[root]
         for part, times in parts:
             factors[part] = factors[part] + times if part in factors else times
     for form in [form for form, terms in found.items() if len(terms) < LEAST_ALIKE]:
         given = [factor for factor, _ in found.pop(form)]
         rest += ca.dot(ca.vertcat(*given), ca.vertcat(*[made[k] for k in roots[form]]))
     return dict(found), rest
+
+
+def _parts(
+    code: int, of: tuple[int, ...], factor: ca.SX, moves: list[bool], made: list[Any]
+) -> list[tuple[int, ca.SX]]:
+    """Return the operands of which an operation is a sum, with the factors of each; none of others.
+
+    `moves` tells which nodes depend on the path, `made` has the expressions of all.
+    """
+    if code in (ca.OP_ADD, ca.OP_SUB):
+        return [(of[0], factor), (of[1], -factor if code == ca.OP_SUB else factor)]
+    if code in (ca.OP_NEG, ca.OP_TWICE):
+        return [(of[0], -factor if code == ca.OP_NEG else 2 * factor)]
+    if code == ca.OP_MUL and not all(moves[i] for i in of):
+        moving, other = of if moves[of[0]] else of[::-1]
+        return [(moving, factor * made[other])]
+    if code == ca.OP_DIV and not moves[of[1]]:
+        return [(of[0], factor / made[of[1]])]
+    return []
 
 
 def _form(nodes: list[Node], root: int) -> tuple[tuple, list[Entry]] | None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from actionopt.mechanics.laws import keep
 from actionopt.mechanics.scales import diagonal, first_state
 from actionopt.mechanics.switches import narrowness
 from actionopt.tools.types import Array
@@ -34,12 +35,13 @@ def singular_ends(problem: Any) -> tuple[int, int]:
     infinite in all directions, and the path at rest (`lobatto.OPEN`, `RESTING`).
     """
     system = problem.system
-    if system.order > 1 or not system.memoize("may be infinite", lambda: _may_diverge(system)):
+    if system.order > 1 or not _may_diverge(system):
         return 0, 0
     start, end = (_kind(problem, event) for event in (problem.start, problem.end))
     return start, end
 
 
+@keep
 def _may_diverge(system: Any) -> bool:
     return narrowness(system.lagrangian_tape) > 0
 

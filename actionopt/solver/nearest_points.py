@@ -204,24 +204,21 @@ def _pairs(problem: Problem, away: Array, size: Array) -> Array:
     And `away` (K, n), where there are some.
     """
     ends = problem.start, problem.end
+    on = [k for k in (1, 0) if ends[k].on is not None]
     known = [[0.0 if x is None else x for x in e.near] for e in ends]
-    for k in (0, 1):
-        if ends[k].on is not None:  # near the other one
-            given = zip(ends[k].q, known[1 - k], strict=True)
-            known[k] = [b if a is None else a for a, b in given]
-    q, times = np.tile(known, (len(away), 1, 1)), [e.t for e in ends]
-    t = given_time(problem)
-    q[:, [k for k in (0, 1) if ends[k].on is not None]] += away[:, None]
-    both = all(e.on is not None for e in ends)
-    timed = problem.has_moving_surface and problem.free_time
+    for k in reversed(on):  # near the other one
+        given = zip(ends[k].q, known[1 - k], strict=True)
+        known[k] = [b if a is None else a for a, b in given]
+    q, t = np.tile(known, (len(away), 1, 1)), given_time(problem)
+    q[:, on] += away[:, None]
+    both, timed = len(on) == 2, problem.has_moving_surface and problem.free_time
     for again in range(AGAIN if both or timed else 1):
-        for k in (1, 0):
-            event, at = ends[k], np.full(len(q), t if times[k] is None else times[k])
-            if event.on is None:
-                continue
+        for k in on:
+            event = ends[k]
+            at = np.full(len(q), t if event.t is None else event.t)
             if again and both:
                 q[:, k] = q[:, 1 - k]
-            if times[k] is None and again:
+            if again and event.t is None:
                 at += [_passage(problem, pair, size) * (1 if k else -1) for pair in q]
             q[:, k] = onto(problem, event, q[:, k], at, size)
             q = q[np.isfinite(q[:, k]).all(axis=1)]

@@ -100,32 +100,11 @@ def rays(
     no surface. Nor under constraints, whose impulses no law of reflection here has, nor where L
     contains accelerations: more is to be chosen at the start.
     """
-    start, *inner, _ = problem.joints_found
-    system, closed = problem.system, problem.advance is not None
-    given = len(start.pinned) == system.n or (closed and start.on is None)
-    given = given and system.order == 1 and not (system.structure.forced or system.m)
-    if not (inner and given) or any(e.on is None or e.on.count > 1 for e in inner):
+    if not _leads_on(problem):
         return
-    tracer = (ClosedRayTracer if closed else RayTracer).of(problem, size, span)
-    tracer = replace(tracer, thrown=thrown)
-    first = tracer.all_round(random)
-    batch = tracer.follow(first)
-    for _ in range(FASTER_RAYS if tracer.timed else 0):
-        if np.isfinite(batch.times[:, 1]).any():
-            break
-        first[:, -system.n :] *= SPAN_FACTOR  # a force carries all of them back from the surface
-        batch = tracer.follow(first)
-    if tracer.timed:
-        batch = tracer.follow(tracer.in_time(batch))
-    # What straight lines take says little of how long motions take that return to a surface.
-    longer = tracer
-    for _ in range(0 if tracer.timed or problem.energy is None else LONGER_SPANS):
-        longer = replace(longer, span=SPAN_FACTOR * longer.span)
-        other = longer.follow(longer.all_round(random))
-        if np.count_nonzero(other.through) > np.count_nonzero(batch.through):
-            tracer, batch = longer, other
-        elif batch.through.any():
-            break
+    tracer = ClosedRayTracer if problem.advance is not None else RayTracer
+    tracer = replace(tracer.of(problem, size, span), thrown=thrown)
+    tracer, batch = _all_round(tracer, random, longer=problem.energy is not None)
     found = RaySearch(tracer)
     for k in range(rounds + 1):
         found.add(batch)
@@ -136,6 +115,44 @@ def rays(
         if k < rounds:
             u = np.concatenate([found.closer(random, RAYS // 2), found.between(RAYS // 2)])
             batch = tracer.follow(tracer.of_energy(u))
+
+
+def _leads_on(problem: Problem) -> bool:
+    """Whether motions from the start lead from event to event."""
+    start, *inner, _ = problem.joints_found
+    system, closed = problem.system, problem.advance is not None
+    given = len(start.pinned) == system.n or (closed and start.on is None)
+    free = system.order == 1 and not (system.structure.forced or system.m)
+    surfaces = all(e.on is not None and e.on.count == 1 for e in inner)
+    return bool(inner) and given and free and surfaces
+
+
+def _all_round(
+    tracer: RayTracer, random: np.random.Generator, *, longer: bool
+) -> tuple[RayTracer, TracedRays]:
+    """Return motions that leave to all sides, and the tracer of those that come through the events.
+
+    Over a duration of its own, `longer` if more come through then.
+    """
+    first = tracer.all_round(random)
+    batch = tracer.follow(first)
+    if tracer.timed:
+        for _ in range(FASTER_RAYS):
+            if np.isfinite(batch.times[:, 1]).any():
+                break
+            first[:, -tracer.size.size :] *= SPAN_FACTOR  # a force carries all of them back
+            batch = tracer.follow(first)
+        return tracer, tracer.follow(tracer.in_time(batch))
+    # What straight lines take says little of how long motions take that return to a surface.
+    other = tracer
+    for _ in range(LONGER_SPANS if longer else 0):
+        other = replace(other, span=SPAN_FACTOR * other.span)
+        found = other.follow(other.all_round(random))
+        if np.count_nonzero(found.through) > np.count_nonzero(batch.through):
+            tracer, batch = other, found
+        elif batch.through.any():
+            break
+    return tracer, batch
 
 
 class RaySearch:

@@ -55,15 +55,7 @@ def first_waves(
     mesh, legs = wave_mesh(times, problem.system.order), np.diff(times)
     values, n = straight(mesh.nodes), problem.system.n
     at = problem.loose.found_at(times)
-    s = (mesh.nodes - times[0]) / (times[-1] - times[0])
-    if problem.advance is None:
-        waves = np.sin(np.pi * np.arange(1, WAVES + 1)[:, None] * s)
-        narrow = waves * np.sin(np.pi * s) ** NARROW
-        waves = np.concatenate([waves[:1], narrow, waves[1:]])
-    else:  # constants, and whole waves
-        turns = 2 * np.pi * np.arange(WAVES // 2 + 1)[:, None] * s
-        waves = np.stack([np.cos(turns), np.sin(turns)], axis=1).reshape(-1, s.size)
-        waves = np.delete(waves, 1, axis=0)
+    waves = _waves((mesh.nodes - times[0]) / (times[-1] - times[0]), problem.advance is not None)
     for joint in times[1:-1]:  # places that are given stay
         waves = waves * np.tanh(WAVES * np.abs(mesh.nodes - joint) / legs.min())
     asked = np.array(problem.integral)
@@ -117,6 +109,20 @@ def first_waves(
         found = _project(tr, origin, variations, amplitudes, asked)
         if found is not None:
             yield project_path(found), times
+
+
+def _waves(s: Array, closed: bool) -> Array:
+    """Return waves (k, K) at parts s (K,) of the duration: half waves that vanish at the ends.
+
+    Or of a closed path constants, and whole waves.
+    """
+    if closed:
+        turns = 2 * np.pi * np.arange(WAVES // 2 + 1)[:, None] * s
+        waves = np.stack([np.cos(turns), np.sin(turns)], axis=1).reshape(-1, s.size)
+        return np.delete(waves, 1, axis=0)
+    waves = np.sin(np.pi * np.arange(1, WAVES + 1)[:, None] * s)
+    narrow = waves * np.sin(np.pi * s) ** NARROW
+    return np.concatenate([waves[:1], narrow, waves[1:]])
 
 
 def _along_each(states: Eigenvectors, values: Array) -> Iterator[Path]:

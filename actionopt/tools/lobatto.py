@@ -136,7 +136,7 @@ class Sampling:
         parts[:, :, 1:] += ends[:, :, :-1, None]
         return parts[:, :, :, :-1].reshape(E, n, points).transpose(0, 2, 1), ends[:, :, -1]
 
-    def running(self, values: Array) -> tuple[Array, Array]:
+    def integrals_in_rows(self, values: Array) -> tuple[Array, Array]:
         """Return what `integrals` does of values (m + 1, ...), (m + 1, ...) and (...)."""
         rows = values.reshape(self.panels, len(values) // self.panels, -1)
         matrix = self._running / self.panels
