@@ -48,7 +48,7 @@ def test_so_they_are_beside_times_that_are_to_be_found():
     random = np.random.default_rng(2)
     path = ao.Path(Mesh(times, 5), random.standard_normal((1, 16)))
     equations, y = Bordered.around(problem, path, None, np.ones(1), times=times)
-    nonzeros, right = equations.hessian(y), random.normal(size=y.size)
+    nonzeros, right = equations.symmetric_kkt(y), random.normal(size=y.size)
     matrix, factors = full(equations.layout, nonzeros), Increments(equations, y, nonzeros)
     np.testing.assert_allclose(factors.solve(right), np.linalg.solve(matrix, right), rtol=1e-9)
     assert factors.negative() == (np.linalg.eigvalsh(matrix) < 0).sum()

@@ -63,8 +63,8 @@ class FullForm:
     @cached_property
     def matrix(self) -> Array:
         """The second derivatives of W, (size, size)."""
-        equations, z = self.equations, self.z
-        nonzeros = equations.hessian(z) if isinstance(equations, Bordered) else equations.kkt(z)
+        equations = self.equations
+        nonzeros = equations.symmetric_kkt(self.z)
         if self._contacts is not None:
             nonzeros[: self._contacts[0].size] += self._contacts[0]
         return full(equations.layout, nonzeros)

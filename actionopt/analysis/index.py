@@ -277,11 +277,8 @@ def _on_its_mesh(
             "condition), found one that is not along the path: infinitely many variations lower "
             "the action, and no index counts them"
         )
-    layout, kinetic, multipliers = equations.layout, equations.kinetic(z), equations.layout.rows
-    if isinstance(equations, Bordered):
-        matrix, multipliers = equations.hessian(z), multipliers + equations.multipliers
-    else:
-        matrix = equations.kkt(z)
+    layout, multipliers = equations.layout, int(equations.is_multiplier.sum())
+    kinetic, matrix = equations.kinetic(z), equations.symmetric_kkt(z)
     rows = np.zeros((0, tr.layout.unknowns))
     if tr.order > 1 and problem.touches:
         bend, rows = bend_of_contacts(at)

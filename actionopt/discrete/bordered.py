@@ -169,9 +169,10 @@ class Bordered:
         return other
 
     @property
-    def multipliers(self) -> int:
-        """How many of the unknowns are multipliers beside those of the path's rows."""
-        return sum(border.multipliers for border in self.borders)
+    def is_multiplier(self) -> Array:
+        """Which unknowns are multipliers, of the path's rows and of borders, (size,)."""
+        found = [np.full(b.size, b.multipliers > 0) for b in self.borders]
+        return np.concatenate([self.first.is_multiplier, *found])
 
     def without(self, *kinds: type) -> tuple[Bordered, NDInt]:
         """Return the equations without borders of these kinds, and their unknowns' places in y."""
@@ -296,7 +297,7 @@ class Bordered:
         """Return the nonzeros of the derivative of `residual`, as the layout says."""
         return self.layout.join(*self._derivatives(y))
 
-    def hessian(self, y: Array) -> Array:
+    def symmetric_kkt(self, y: Array) -> Array:
         """Return the matrix with C' in place of B, which makes it symmetric."""
         K, _, C, D = self._derivatives(y)
         return self.layout.join(K, C.T, C, D)
@@ -422,19 +423,11 @@ def null_space(equations: Bordered | Transcription, whole: Array) -> Array:
     `whole` (size, size) is the matrix of the equations. On it the second derivatives of W have as
     many negative eigenvalues as the path has directions in which the action falls.
     """
-    layout = equations.layout
-    held = np.zeros(layout.size, dtype=bool)
-    if isinstance(equations, Bordered):
-        inner = equations.first.layout
-        for border, part in zip(equations.borders, equations.parts, strict=True):
-            held[part] = border.multipliers > 0
-        held[inner.unknowns : inner.size] = True
-    else:
-        held[layout.unknowns :] = True
+    held = equations.is_multiplier
     rows = whole[np.ix_(held, ~held)]
     sizes = np.linalg.norm(rows, axis=1, keepdims=True)
     q, _ = np.linalg.qr((rows / np.where(sizes > 0, sizes, 1.0)).T, mode="complete")
-    found = np.zeros((layout.size, q.shape[1] - len(rows)))
+    found = np.zeros((held.size, q.shape[1] - len(rows)))
     found[~held] = q[:, len(rows) :]
     return found
 

@@ -39,6 +39,13 @@ class Transcription(Action):
             self.watch.check(expected_seconds(self.layout))
         return nonzeros
 
+    symmetric_kkt = kkt  # as that of `Bordered`
+
+    @property
+    def is_multiplier(self) -> Array:
+        """Which unknowns are multipliers of rows, (size,)."""
+        return np.arange(self.layout.size) >= self.layout.unknowns
+
     def kinetic(self, z: Array) -> Array:
         """Return the kinetic part of the KKT matrix, D' w M D alone, stored as `kkt` is.
 

@@ -360,8 +360,8 @@ class UnfixedPath(Iterate):
             return _index_in_contact(bordered.discrete(self.z))
         factors = self.factors
         if factors is None or bordered.phases:  # with phases that matrix is not symmetric
-            factors = factorize(bordered, self.z, nonzeros=bordered.hessian(self.z))
-        return factors.negative() - bordered.layout.rows - bordered.multipliers
+            factors = factorize(bordered, self.z, nonzeros=bordered.symmetric_kkt(self.z))
+        return factors.negative() - int(bordered.is_multiplier.sum())
 
     @property
     def push_force(self) -> float:
