@@ -71,24 +71,24 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
     """Refine as `refine` does, but for a last look at the balance of energy."""
     stalled, missed, most = 0, np.inf, MAX_UNKNOWNS
     for _ in range(ROUNDS):
-        before = ws.here.resolution
-        if ws.here.error <= tol < NOTICEABLE * ws.here.noise and amplification(ws.here.noise) > 1:
-            ws.here = ws.here.with_larger_noise()
-        resolved = ws.here.error <= tol
+        here = ws.here
+        before = here.resolution
+        if here.error <= tol < NOTICEABLE * here.noise and amplification(here.noise) > 1:
+            here = ws.here = here.with_larger_noise()
+        resolved = here.error <= tol
         if resolved:
             last, missed = missed, ws.quadrature_shift()
             here = ws.here
             error = max(here.error, SAFETY * missed) + (here.misread() if here.is_misread else 0.0)
             if error != here.error:
-                ws.here = here.with_values(error=error)
-            here = None  # frees its factors before others are made
+                here = ws.here = here.with_values(error=error)
             if error <= tol:
                 status, mesh = _judge_between(ws, tol)
                 if mesh is None:
                     return status
                 stalled += 1
             else:
-                mesh = split(ws.here.tr, ws.here.z)
+                mesh = split(here.tr, here.z)
                 stalled = stalled + 1 if missed > last / 2 else 0
                 averaged = stalled or _size(ws, mesh) > AVERAGING_SIZE
                 if averaged and _is_misread(ws, missed):
@@ -96,7 +96,7 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
             if stalled == STALLED:
                 return _failure(ws)
         else:
-            target = tol / (2 * SAFETY * ws.here.gain)
+            target = tol / (2 * SAFETY * here.gain)
             if ws.many_coordinates:  # the path settles on a cheaper mesh first
                 target = max(target, NEXT_OMITTED * before.worst**2)
             mesh = cheapest_mesh(before, target, sparse=ws.many_coordinates and ws.sparse)
@@ -110,6 +110,7 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
             )
         if size > most:  # more elements and nothing gained
             return _failure(ws)
+        here = None  # frees its factors before others are made
         if not ws.transfer(mesh, least=least, missed=missed if resolved else 0.0):
             return _failure(ws)
         if resolved:
