@@ -207,3 +207,14 @@ def test_curves_of_others_are_read_or_refused():
     with pytest.raises(ValueError, match=r"of 3 coordinates, or of so many and their .* found 2"):
         read_curve(rows, ("x", "y", "z"))
     assert read_curve(3.0, ("x",)) is None
+
+
+def test_elements_are_divided_taken_apart_and_cut_anew_with_their_own_degrees():
+    mesh = Mesh([1.0, 2.0, 4.0], [3, 5])
+    divided = mesh.divide([1, 4])
+    assert divided.boundaries.tolist() == [1, 2, 2.5, 3, 3.5, 4]
+    assert divided.degrees == (3, 5, 5, 5, 5)
+    assert mesh.divide([2, 1], [7, 9]).degrees == (7, 7, 9)
+    part = divided.part(1, 3)
+    assert part.boundaries.tolist() == [2, 2.5, 3] and part.degrees == (5, 5)
+    assert mesh.cut(np.array([0.0, 0.5, 1.5, 3.0])).degrees == (3, 3, 5)
