@@ -1004,6 +1004,9 @@ def test_a_barrier_is_told_where_the_energy_is_below_it():
     assert not durations.explain_barrier(Problem(other, *ends, energy=5.0))
     negative = System(lambda q, v, t: -(v[0] ** 2) - 6 * q[0], ["x"])
     assert not durations.explain_barrier(Problem(negative, *ends, energy=5.0))
+    beam = System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"])  # H = p v + a^2 / 2 is of any size
+    ends = Event(0.0, [0.0], v=[1.0]), Event(None, [1.0], v=[1.0])
+    assert not durations.explain_barrier(Problem(beam, *ends, energy=-0.3))
 
 
 def test_a_closed_motion_goes_between_its_turning_points():

@@ -152,7 +152,7 @@ def explain_barrier(problem: Problem) -> str:
     laws, ends = problem.laws or (problem.system,), (problem.start, problem.end)
     if not (problem.free_time and all(map(conserves_energy, laws))) or problem.closes:
         return ""
-    if problem.has_moving_surface:  # another energy
+    if problem.has_moving_surface or problem.system.order > 1:  # another energy, of any size
         return ""
     n, energy = problem.system.n, float(problem.energy or 0.0)
     places = [np.array(e.q, dtype=float) if len(e.pinned) == n else None for e in ends]
