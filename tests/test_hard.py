@@ -75,6 +75,23 @@ def test_troesch():
     assert found == pytest.approx(turning.TROESCH[20], rel=1e-6)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("eps", [0.02, pytest.param(0.01, marks=pytest.mark.slow)])
+def test_inertias_that_differ_by_more_than_all_digits(eps):
+    """They do by exp(74) and exp(149): the action tells nothing of the lightest part."""
+    question = turning.p20(eps)
+    solution = ao.solve(question.problem, tol=TOL)
+    assert applies("continuation", question.problem)
+    assert error(solution, question.exact) < TOL
+
+
+def test_what_is_light_is_no_feature_that_was_missed():
+    """Round-off of the heaviest momentum is no velocity of what is lightest."""
+    question = turning.p20(0.02)
+    solution = ao.solve(question.problem, tol=TOL, guess=question.exact)
+    assert error(solution, question.exact) < TOL
+
+
 @pytest.mark.slow
 def test_a_wide_kink_is_placed():
     """Round-off, amplified a million times, is near the tolerance: the verdict may say so."""

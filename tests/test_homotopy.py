@@ -9,7 +9,7 @@ import actionopt as ao
 from actionopt.discrete.newton import approach, follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
-from actionopt.solver.homotopy import newton_homotopy
+from actionopt.solver.homotopy import Inertias, newton_homotopy
 from actionopt.solver.resonances import Resonances, _Held
 
 PENDULUM = systems.pendulum(g=9.81)
@@ -55,6 +55,30 @@ def test_with_a_constraint_on_the_way():
     ends = tr.mesh.offsets
     assert np.max(np.abs(np.hypot(x, y) - 1)) <= 1e-12
     assert np.max(np.abs(np.arctan2(x, -y)[ends] - theta[twin.mesh.offsets])) <= 1e-7
+
+
+def test_accelerations_are_removed_where_inertias_are_uneven():
+    """The path is y = eps ln cosh((t - 0.6) / eps)."""
+    eps = 0.1
+    system = System(lambda q, v, t: np.exp(2 * q[0] / eps) * (v[0] ** 2 + 1) / 2, ["y"])
+    u = np.cosh((np.linspace(0, 1, 41) - 0.6) / eps)
+    tr = transcribed(system, ([eps * np.log(u[0])], [eps * np.log(u[-1])]), 1.0, 8, 5)
+    z = tr.pack(tr.straight())
+    found, count = newton_homotopy(tr, z, uneven=True)
+    exact = eps * np.log(np.cosh((tr.mesh.nodes - 0.6) / eps))
+    assert tr.coordinates(found)[:, 0] == pytest.approx(exact, abs=1e-3)
+    assert count < 100
+
+
+def test_inertias_and_their_slopes():
+    system = System(lambda q, v, t: np.exp(q[0] + 2 * q[1]) * (v @ v) / 2, ["x", "y"])
+    tr = transcribed(system, ([0.0, 0.0], [0.1, 0.2]), 1.0, 2, 3)
+    z = tr.pack(tr.straight())
+    inertias, Q = Inertias(tr, z), tr.coordinates(z)[1:-1]
+    assert inertias.at(z) == pytest.approx(np.ones(z.size))
+    assert inertias.at(tr.pack(tr.straight() + 0.1)) == pytest.approx(np.full(z.size, np.exp(0.3)))
+    slopes = inertias.slopes(z).reshape(Q.shape)
+    assert slopes == pytest.approx(np.tile([1, 2] * tr.lengths, (len(Q), 1)), rel=1e-5)
 
 
 @pytest.mark.long

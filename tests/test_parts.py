@@ -1514,13 +1514,19 @@ def test_rates_of_waypoints():
 
 
 def test_strategies_that_cost_too_much_come_last():
-    plain, least, dear = (fake(cost=c, minimises=m) for c, m in ((1, False), (1, True), (9, False)))
+    plain, least, dear = (
+        fake(cost=c, minimises=m, absolute=c > 1) for c, m in ((1, False), (1, True), (900, False))
+    )
     watch = fake(affords=lambda cost: cost < 5)
 
-    def order(watch=watch, lost=((True, None),), saddle=None, principle="auto"):
-        search: Any = fake(ws=fake(watch=watch), lost=lost, saddle=saddle, principle=principle)
+    def order(watch=watch, lost=((True, None),), saddle=None, principle="auto", uneven=0.0):
+        ws = fake(watch=watch, uneven=uneven)
+        search: Any = fake(ws=ws, lost=lost, saddle=saddle, principle=principle)
         names = {id(plain): "plain", id(least): "least", id(dear): "dear"}
         return [names[id(x)] for x in Search._in_order(search, [dear, least, plain])]
+
+    assert order(watch=None, uneven=10.0) == ["plain", "dear", "least"]
+    assert order(watch=None, uneven=15.0) == ["plain", "least"]
 
     assert order() == ["plain", "least", "dear"]
     assert order(watch=None) == ["dear", "plain", "least"]

@@ -111,6 +111,10 @@ def quadrature_defect(
             momenta[b.elements] = work.sum(axis=1)
         for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
             momenta[g.elements] -= mine.sum(axis=1)
+        if not structure.constant_mass:  # it is a velocity that it gives, by its own inertia
+            mass = np.abs(np.einsum("eii,i->e", inertia(tr, x), tr.lengths**2))
+            with np.errstate(all="ignore"):
+                momenta *= np.nan_to_num(np.median(mass) / mass, posinf=1.0)[:, None]
         # The unit of action is that of an inertia times a length squared over the duration.
         unit = tr.lengths / tr.action_unit
         if tr.origin is not None:  # as `measured` has it

@@ -15,7 +15,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.resolution import DEGREES
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.scales import ends_of
+from actionopt.mechanics.scales import diagonal, ends_of
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
@@ -38,6 +38,7 @@ MOST_ELEMENTS = 64  # for turns; ad hoc: more are left to refinement, as near a 
 LOST_PHASE = 5.5
 TAIL_MARGIN = 5.0  # between a coefficient and the tolerance it has to meet: `SAFETY`, and a little
 STEADY_RATE = 1e-6  # rate over the whole time, in place of none: of that the first degree is enough
+LINE_SAMPLES = 33  # of the straight line, where its inertias are compared; ad hoc
 LOG_FACTORIALS = np.array([math.lgamma(d) for d in DEGREES])  # of d - 1
 THINNEST_ELEMENT = 1e3 * np.finfo(float).eps  # in parts of the time; ad hoc: its nodes are distinct
 
@@ -97,6 +98,25 @@ def fewest_elements(problem: Problem) -> int:
     return 2 ** math.ceil(math.log2(min(max(phases, 1.0), MOST_ELEMENTS // 2)))
 
 
+def uneven_elements(problem: Problem) -> float:
+    """Return the elements on each of which the inertia along the straight line varies little.
+
+    That is by e-foldings as many as a polynomial tells well; zero where the inertia is constant.
+    """
+    system = problem.system
+    if system.structure.constant_mass or system.order > 1 or problem.has_tails:
+        return 0.0
+    s = np.linspace(0.0, 1.0, LINE_SAMPLES)[:, None]
+    first, last = ends_of(problem)
+    v = np.tile((last - first) / problem.duration, (s.size, 1))
+    t = problem.start.t + s * problem.duration
+    with np.errstate(all="ignore"):
+        C = system.pointwise("second")((1 - s) * first + s * last, v, t, problem.packed)[2]
+        logarithms = np.log(diagonal(system, 2, C) @ problem.lengths**2)
+    logarithms = logarithms[np.isfinite(logarithms)]
+    return float(np.ptp(logarithms)) / PHASE_PER_ELEMENT if logarithms.size else 0.0
+
+
 def _boundaries(turns: float, folds: float, elements: int) -> Array | None:
     """Return boundaries (N + 1,) for so many radians and e-foldings, None if `elements` do.
 
@@ -123,14 +143,14 @@ def _rates(
 ) -> tuple[float, float]:
     """Return the fastest turning, in radians, and decay, in e-foldings, over the whole time."""
 
-    def diagonal(name: str, output: int, values: Array) -> Array:
+    def own(name: str, output: int, values: Array) -> Array:
         return np.einsum("kii->ki", system.pointwise(name).full(output, values))
 
-    stiffness, mass = (diagonal("second", k, second[k]) for k in (0, 2))
+    stiffness, mass = (own("second", k, second[k]) for k in (0, 2))
     friction = np.zeros(1)
     if forces is not None:
-        stiffness = stiffness + diagonal("force_jacobian", 0, forces[0])
-        friction = diagonal("force_jacobian", 1, forces[1])
+        stiffness = stiffness + own("force_jacobian", 0, forces[0])
+        friction = own("force_jacobian", 1, forces[1])
     with np.errstate(all="ignore"):
         squares, decay = stiffness / mass * duration**2, np.abs(friction / mass) * duration
     squares, decay = squares[np.isfinite(squares)], decay[np.isfinite(decay)]

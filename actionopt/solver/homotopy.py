@@ -5,6 +5,9 @@ R(z0). Scaling that force down, R(z) = (1 - s) R(z0), leads from the curve at s 
 of the problem itself at s = 1 (Newton homotopy; Allgower and Georg, *Numerical Continuation
 Methods* (1990), section 11.3). The solutions (z, s) form a curve that may turn back in s, so it
 is followed by its arclength (Keller's bordered system, ibid. chapter 10).
+
+Where the inertia M varies by many digits along the curve, a force that moves what is heavy throws
+what is light. Then the curve's accelerations are scaled down: R(z) = (1 - s) M(z) / M(z0) R(z0).
 """
 
 from __future__ import annotations
@@ -14,7 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.discrete.factors import Factors
+from actionopt.discrete.factors import diagonal as diagonal_matrix
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.scales import diagonal
 from actionopt.tools.types import Array
 
 # Steps at most, and for any number of unknowns; all are taken up to some unknowns, above fewer in
@@ -31,22 +36,62 @@ RUNAWAY_FORCE, RUNAWAY_CURVE = 100.0, 50.0
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
 CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
+INERTIA_DIFFERENCE = 1e-7  # of the coordinates' sizes, for one-sided differences of inertias
 CURVE_END = 1.5  # an s at which the curve is not near the path any more
 
 
-def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array | None, int]:
+def newton_homotopy(
+    tr: Transcription, z: Array, *, uneven: bool = False
+) -> tuple[Array | None, int]:
     """Return a point (size,) near a stationary path, or None, and the factorizations used.
 
-    `z` is the curve at which the applied force starts.
+    `z` is the curve at which the applied force starts; its accelerations where inertias are
+    `uneven`.
     """
     steps = min(HOMOTOPY_STEPS, HOMOTOPY_STEPS * ALL_STEPS_SIZE // tr.layout.size + FEWEST_STEPS)
-    way = HomotopyCurve(tr, z, tr.residual(z))
+    if uneven:
+        steps = HOMOTOPY_STEPS
+    way = HomotopyCurve(tr, z, tr.residual(z), Inertias(tr, z) if uneven else None)
     for _ in range(steps):
         if not way.advance():
             break
         if way.s >= 1.0 - 1e-9:
             return way.z, way.count
     return None, way.count
+
+
+class Inertias:
+    """The inertia at each node, in that at a first curve, with its velocities."""
+
+    def __init__(self, tr: Transcription, z: Array) -> None:
+        self._tr, self._node = tr, tr.layout.free // tr.layout.width
+        self._v, self._known = tr.place(z).v, 1.0
+        self._known = self.at(z)
+
+    def at(self, z: Array) -> Array:
+        """Return them for each equation, (size,); one for rows of constraints."""
+        return self._of(self._tr.place(z).at)
+
+    def slopes(self, z: Array) -> Array:
+        """Return their derivatives, (size,), each by the unknown of its equation."""
+        tr, at = self._tr, self._tr.place(z).at
+        here, found = self._of(at), np.zeros(z.size)
+        own = tr.layout.free % tr.layout.width
+        for k, length in enumerate(tr.lengths):
+            beside = at.copy()
+            beside[:, k] += INERTIA_DIFFERENCE * length
+            change = (self._of(beside) - here) / INERTIA_DIFFERENCE
+            found[: own.size][own == k] = change[: own.size][own == k]
+        return found
+
+    def _of(self, at: Array) -> Array:
+        tr, system = self._tr, self._tr.problem.system
+        C = system.pointwise("second")(at, self._v, tr.times, tr.problem.packed)[2]
+        inertia, node = diagonal(system, 2, C) @ tr.lengths**2, tr.layout.node_of
+        nodes = np.bincount(node, inertia) / np.bincount(node)
+        found = np.ones(tr.layout.size)
+        found[: self._node.size] = nodes[self._node]
+        return found / self._known
 
 
 @dataclass(eq=False)
@@ -57,6 +102,8 @@ class HomotopyCurve:
     ----------
     tr : Transcription
     z, force : (size,) arrays
+    inertias : Inertias or None
+        With which the force varies.
     ds : float
         Of the direction.
     """
@@ -64,6 +111,7 @@ class HomotopyCurve:
     tr: Transcription
     z: Array
     force: Array
+    inertias: Inertias | None = None
     ds: float = 1.0
     s: float = 0.0
     direction: Array | None = None
@@ -74,11 +122,22 @@ class HomotopyCurve:
         """Take a step; False if none can be taken."""
         return (self.direction is not None or self._find_direction()) and self._step_along()
 
+    def _linearise(self, z: Array, s: float) -> tuple[Factors, Array]:
+        """Return factors of the derivative of R(z) - (1 - s) F(z) by z, and the force F (size,).
+
+        What the inertia at a node changes with another coordinate there is left out.
+        """
+        layout, K, force = self.tr.layout, self.tr.kkt(z), self.force
+        if self.inertias is not None:
+            K = K - diagonal_matrix(layout, (1.0 - s) * force * self.inertias.slopes(z))
+            force = force * self.inertias.at(z)
+        return Factors(layout, K, many=True), force
+
     def _find_direction(self) -> bool:
         """Find the direction of the curve."""
         try:
-            factors = Factors(self.tr.layout, self.tr.kkt(self.z), many=True)
-            slope = -factors.solve(self.force)  # dz/ds
+            factors, force = self._linearise(self.z, self.s)
+            slope = -factors.solve(force)  # dz/ds
         except np.linalg.LinAlgError:
             return False
         self.count += 1
@@ -132,9 +191,9 @@ class HomotopyCurve:
             for k in range(1, CORRECTOR_STEPS + 1):
                 self.count += 1
                 try:
-                    factors = Factors(tr.layout, tr.kkt(z), many=True)
-                    left = tr.residual(z) - (1.0 - s) * self.force
-                    miss, slope = factors.solve_both(left, -self.force)
+                    factors, force = self._linearise(z, s)
+                    left = tr.residual(z) - (1.0 - s) * force
+                    miss, slope = factors.solve_both(left, -force)
                 except np.linalg.LinAlgError:
                     return None
                 # Bordered system: the correction is orthogonal to the direction.

@@ -27,6 +27,7 @@ from actionopt.solver.first_mesh import (
     COARSE_ELEMENTS,
     IPOPT_SIZE,
     LINEAR,
+    PHASE_PER_ELEMENT,
     fewest_elements,
     plan_layers,
     plan_mesh,
@@ -36,7 +37,7 @@ from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.workspace import FEW_COORDINATES, ROUGHLY, Workspace
 from actionopt.tools.immutable import immutable
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import OutOfTime, Watch
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
@@ -55,6 +56,8 @@ CURVED_HEIGHT = 0.4
 # Of that curve, by which a descent from the line begins beside it, where a symmetry would keep it
 # from falling: of twice as many steps on 20 masses. It found what a descent from the line finds.
 OFF_LINE = 0.125
+# Elements by `uneven_elements` from where on the lightest is below the round-off of the heaviest.
+BLIND = -math.log(EPS) / PHASE_PER_ELEMENT
 FAR_DOWN = 32.0  # sizes from where it is not expected back; ad hoc
 # Of a descent that is to end so, sizes from where it is asked whether it does. Measured on 20
 # random questions: 8 tell the same a third later.
@@ -87,6 +90,9 @@ class Strategy:
         Whether curved lines are tried before what costs more, where its path cannot be refined.
     reliable : bool
         Whether a rough path on the last of its meshes is worth refining.
+    absolute : bool
+        Whether it compares actions, or forces in one unit: where inertias are uneven, what is light
+        is below their round-off.
     cost : int
         Second derivatives on one element, in the time of which it succeeds as a rule; measured on
         lattices and pendulums of 1 to 5 coordinates.
@@ -100,7 +106,12 @@ class Strategy:
     persistent: ClassVar[bool] = True
     curves: ClassVar[bool] = False
     reliable: ClassVar[bool] = True
+    absolute: ClassVar[bool] = True
     cost: ClassVar[int] = 20
+
+    def meshes_for(self, search: Search) -> tuple[int, ...]:
+        """Return the numbers of elements on which it is tried."""
+        return self.meshes
 
     def applies(self, search: Search) -> bool:
         """Whether the way is open to the problem, and worth its time."""
@@ -271,11 +282,19 @@ class Search:
         """Yield the strategies in turn, last those that the time left does not allow for.
 
         Before these others that minimise once a least path was lost, as it will be again, unless a
-        saddle is in hand by then.
+        saddle is in hand by then. Those that see only what is heavy come late where inertias are
+        uneven, or not at all.
         """
-        watch, again, expensive = self.ws.watch, [], []
+        watch, again, expensive, strategies = self.ws.watch, [], [], list(strategies)
+        others = not all(strategy.absolute for strategy in strategies)
         for strategy in strategies:
-            if watch is not None and not watch.affords(strategy.cost):
+            # Where inertias are even this is zero; the first strategy does not ask.
+            uneven = self.ws.uneven if strategy.absolute and others else 0.0
+            if uneven > BLIND:
+                continue
+            if uneven > COARSE_ELEMENTS and strategy.cost >= EXPENSIVE:
+                again.append(strategy)
+            elif watch is not None and not watch.affords(strategy.cost):
                 expensive.append(strategy)
             elif strategy.minimises and any(least for least, _ in self.lost):
                 again.append(strategy)
@@ -341,7 +360,7 @@ class Search:
             fewest_elements(ws.problem) if many else 0,
             (FIRST_FEW,) if many and strategy.steep else (),
         )
-        meshes = sorted({max(elements, few) for elements in (*first, *strategy.meshes)})
+        meshes = sorted({max(elements, few) for elements in (*first, *strategy.meshes_for(self))})
         for elements in meshes:
             ws.restart()
             self._begin_on(elements, self.fine_degree() if strategy.steep else COARSE_DEGREE, known)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from functools import partial
+
 from actionopt.analysis.status import Status
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.first_mesh import COARSE_ELEMENTS, IPOPT_SIZE
+from actionopt.solver.first_mesh import COARSE_ELEMENTS, IPOPT_SIZE, MOST_ELEMENTS
 from actionopt.solver.search import Search, Strategy
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.workspace import PATIENT, Workspace
@@ -32,7 +35,7 @@ class Newton(Strategy):
     """
 
     convex: bool = False
-    steep = True
+    steep, absolute = True, False
 
     def applies(self, search: Search) -> bool:
         if self.convex:
@@ -91,15 +94,24 @@ class Homotopy(Strategy):
 
     On one mesh: on finer ones it took long and found no path that no other strategy did. It comes
     before motions that meet, which may be quicker, because small changes of the question change
-    nothing in what it finds.
+    nothing in what it finds. Where inertias are uneven it is the accelerations of the line that are
+    removed, on meshes that show how these vary.
     """
 
-    lengthy, reliable, cost = True, False, 1500
+    lengthy, reliable, absolute, cost = True, False, False, 1500
+
+    def meshes_for(self, search: Search) -> tuple[int, ...]:
+        uneven = search.ws.uneven
+        if uneven <= COARSE_ELEMENTS:
+            return self.meshes
+        few = 2 ** math.ceil(math.log2(min(uneven, MOST_ELEMENTS)))
+        return few, 2 * few
 
     def seek(self, ws: Workspace) -> bool:
         from actionopt.solver.homotopy import newton_homotopy
 
-        return ws.go("continuation", newton_homotopy)
+        uneven = ws.uneven > COARSE_ELEMENTS
+        return ws.go("continuation", partial(newton_homotopy, uneven=uneven))
 
 
 class Minimax(Strategy):

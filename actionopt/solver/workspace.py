@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
@@ -20,7 +21,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.first_mesh import COARSE_DEGREE, IPOPT_SIZE, LINEAR
+from actionopt.solver.first_mesh import COARSE_DEGREE, IPOPT_SIZE, LINEAR, uneven_elements
 from actionopt.solver.iterate import (
     ORDINARY,
     POLYNOMIAL_ROUNDOFF,
@@ -166,6 +167,11 @@ class Workspace(Generic[Place]):
     def can_descend(self) -> bool:
         """Whether descending is open to the problem, and costs less than anything else."""
         return self.problem.system.m == 0 and not self.many_coordinates
+
+    @cached_property
+    def uneven(self) -> float:
+        """The elements on each of which the inertia along the straight line varies little."""
+        return uneven_elements(self.problem)
 
     @property
     def has_mass(self) -> bool:
