@@ -41,6 +41,23 @@ def test_many_phases_that_turn_together_are_told_apart(monkeypatch):
     assert sum(asked) < 5 * exact.size
 
 
+def test_zeros_of_single_fields_are_all_roots(monkeypatch):
+    """Those of one phase thrice, and of others near it, with an inertia that is not diagonal."""
+    monkeypatch.setattr(conjugate, "MANY_FIELDS", 1)
+    passes, left = conjugate._passes, []
+    monkeypatch.setattr(
+        conjugate, "_passes", lambda f, t, *x: left.append(t.size) or passes(f, t, *x)
+    )
+    w, T = np.array([1.0, 1.0, 1.0, 1.001, 2.0]), 7.0
+    A = np.linalg.qr(np.vander(w + np.arange(5)))[0] * [1, 2, 1, 3, 1]
+    L = lambda q, v, t: ((A.T @ v) @ (A.T @ v) - (w * (A.T @ q)) @ (w * (A.T @ q))) / 2  # noqa: E731
+    swings = ao.System(L, [f"q{k}" for k in range(5)])
+    problem = ao.Problem(swings, ao.Event(0.0, np.zeros(5)), ao.Event(T, np.zeros(5)))
+    exact = np.sort([k * np.pi / x for x in w for k in range(1, 5) if k * np.pi / x < T])
+    np.testing.assert_allclose(times_of(ao.solve(problem)), exact, atol=TIME_TOLERANCE * T)
+    assert left == [0]  # by phases
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("free", [False, True])
 def test_swift_and_slow_turns_of_one_path(free):

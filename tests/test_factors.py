@@ -470,7 +470,7 @@ def test_what_is_inside_elements_is_solved_for_element_by_element(monkeypatch, k
     found, known = solve_inside(layout, nonzeros, right), np.zeros_like(right)
     known[inside] = np.linalg.solve(full(layout, nonzeros)[np.ix_(inside, inside)], right[inside])
     np.testing.assert_allclose(found, known, rtol=1e-6, atol=1e-6 * np.abs(known).max())
-    inner = [x.analysed.sparsity().nnz() for k, x in layout.solvers.items() if "inside " in k]
+    inner = [x.analysed.sparsity().nnz() for x in layout.inside_solvers.values()]
     assert sum(inner) < layout.kkt.nnz / 2
 
 

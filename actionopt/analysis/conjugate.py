@@ -13,7 +13,7 @@ the part up to t grows: eigenvalues of d2S on variations that vanish from t on o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +48,15 @@ SETTLED_TIMES, SETTLED_HELD = 1e-9, 1e-5
 # Where the slope is known, a value whose square, a round-off, is left (derived); where it is not,
 # what is left itself.
 SETTLED_VALUE, SETTLED_ALONE = 1e-6, 1e-14
+# Jacobi fields from which on roots are sought as zeros of single fields. Measured, of chains: of 20
+# fields the roots take as long as by phases, of 40 two thirds, of 100 a quarter.
+MANY_FIELDS = 32
+# How far zeros are sought, in parts of half the interval; steps to the time at which a field is
+# nearest to zero, and of inverse iteration, most. All ad hoc.
+ZERO_REACH, NEAREST_STEPS, ZERO_STEPS = 1.5, 2, 3
+# How far the phase moves of a field that has settled: what is left is the fourth power. Derived.
+SETTLED_FIELD = 1e-3
+DIFFERENT = 0.1  # least eigenvalue of the products of directions that differ; ad hoc
 PASS_STEPS = 100  # never reached: superlinear, four are many
 
 
@@ -223,6 +232,15 @@ class Phases:
 
         J is in units of P.
         """
+        turned, other, W, basis = self._frames(t)
+        theta = TURNED + np.arctan(np.linalg.eigvalsh(_quotient(turned, other)))
+        return np.sort(np.mod(theta, np.pi), axis=1), W, basis
+
+    def _frames(self, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Return matrices C and S (K, r, r) of columns cos and sin of phases less `TURNED`.
+
+        And what `_some` does.
+        """
         at, mesh, problem = self.at, self.mesh, self.at.problem
         b, (_, n, r) = mesh.boundaries, self.fields[0].shape
         e = np.clip(np.searchsorted(b, t, side="left") - 1, 0, mesh.elements - 1)
@@ -247,17 +265,11 @@ class Phases:
                 J[mine[here]] = np.tensordot(weights[here], self.fields[i], 1)
                 rate[mine[here]] = np.tensordot(slopes[here], self.fields[i], 1)
         times = t[:, None]
-        _, (i, j, mixed), (k, l, inertia) = coefficient_entries(problem, q, v, times)
+        _, (i, j, mixed), inertia = coefficient_entries(problem, q, v, times)
         basis = tangent(problem, q, times, self.units)
         Z = basis.swapaxes(1, 2)
-        if (k == l).all():
-            diagonal = np.zeros((t.size, 1, n))
-            diagonal[:, 0, k] = inertia * self.units[k] ** 2
-            mass = Z * diagonal
-        else:
-            C = np.zeros((t.size, n, n))
-            C[:, k, l] = C[:, l, k] = inertia * (self.units[k] * self.units[l])
-            mass = Z @ C if problem.system.m else C
+        C = self._mass(inertia)
+        mass = _times(Z, C) if problem.system.m or C.shape[1] < n else C
         P = mass @ rate
         if mixed.any():
             B = np.zeros((t.size, n, n))
@@ -275,11 +287,94 @@ class Phases:
         J = self.frequency * (mass @ J)
         W = P + 1j * J
         P, J = np.split(np.linalg.solve(root, np.concatenate([P, J], axis=2)), 2, axis=2)
-        # Tangents of phases, less an angle: eigenvalues of a symmetric matrix.
         c, s = np.cos(TURNED), np.sin(TURNED)
-        found = np.linalg.solve((c * P + s * J).swapaxes(1, 2), (c * J - s * P).swapaxes(1, 2))
-        theta = TURNED + np.arctan(np.linalg.eigvalsh((found + found.swapaxes(1, 2)) / 2))
-        return np.sort(np.mod(theta, np.pi), axis=1), W, basis
+        return c * P + s * J, c * J - s * P, W, basis
+
+    def _mass(self, entries: tuple[NDInt, NDInt, Array]) -> Array:
+        """Return L_vv in the units of the coordinates, (K, n, n), or its diagonal, (K, 1, n)."""
+        (k, l, inertia), n = entries, self.units.size
+        if (k == l).all():
+            diagonal = np.zeros((len(inertia), 1, n))
+            diagonal[:, 0, k] = inertia * self.units[k] ** 2
+            return diagonal
+        C = np.zeros((len(inertia), n, n))
+        C[:, k, l] = C[:, l, k] = inertia * (self.units[k] * self.units[l])
+        return C
+
+    def zeros(self, low: Array, high: Array) -> Iterator[tuple[Array, Array, Array]]:
+        """Yield times from `low` to `high` (A,), inside an element each, at which a field vanishes.
+
+        Of each of these parts those that are found from its middle, (c,), the fields' directions
+        there, (c, n), of length one, and the momenta of these.
+        """
+        _, n, r = self.fields[0].shape
+        elements = np.searchsorted(self.mesh.boundaries, (low + high) / 2, side="left") - 1
+        for some in in_parts(low.size, AT_A_TIME * n * r):
+            middle, half = (low[some] + high[some]) / 2, (high[some] - low[some]) / 2
+            turned, other, _, _ = self._frames(middle)
+            values, vectors = np.linalg.eigh(_quotient(turned, other))
+            ahead = np.mod(-TURNED - np.arctan(values) + np.pi / 2, np.pi) - np.pi / 2
+            ahead /= self.frequency
+            for k, e in enumerate(elements[some].tolist()):
+                near = np.abs(ahead[k]) < ZERO_REACH * half[k]
+                X = np.linalg.solve(turned[k], vectors[k][:, near])
+                t, directions, momenta = self._settle(e, middle[k] + ahead[k, near], X)
+                inside = (low[some][k] < t) & (t <= high[some][k])
+                yield t[inside], directions[inside], momenta[inside]
+
+    def _settle(self, e: int, t: Array, X: Array) -> tuple[Array, Array, Array]:
+        """Return what `zeros` does of an element, from times (c,) and fields X (r, c) there.
+
+        A time at which a field is nearest to zero, by the inertia, is off by the square of what the
+        field is, and the field that is nearest to zero then by the square of that: those that do
+        not vanish, or not soon, are left out.
+        """
+        at, mesh, fields = self.at, self.mesh, self.fields[e]
+        g = next(g for g in mesh.groups if e in g.elements)
+        begin, end, h = mesh.boundaries[e], mesh.boundaries[e + 1], mesh.lengths[e]
+        Q = at.Q[g.nodes[g.elements == e][0]]
+
+        def weights(t: Array) -> tuple[Array, Array]:
+            xi = np.clip(((t - begin) - (end - t)) / h, -1.0, 1.0)
+            near = g.rule.interpolation(xi)
+            return near, near @ g.rule.derivative * (2 / h)
+
+        near, slopes = weights(t)
+        for k in range(1 + ZERO_STEPS):
+            entries = coefficient_entries(at.problem, near @ Q, slopes @ Q, t[:, None])
+            mass, before = self._mass(entries[2]), t
+            if k:  # inverse iteration
+                J = np.tensordot(near, fields, 1)
+                gram = _times(J.swapaxes(1, 2), mass) @ J
+                own = np.einsum("caa->ca", gram)  # a view
+                own += EPS * own.max(axis=1, keepdims=True)
+                X = np.linalg.solve(gram, X.T[:, :, None])[:, :, 0].T
+            one = fields @ (X / np.linalg.norm(X, axis=0))  # (d + 1, n, c)
+            for _ in range(NEAREST_STEPS):
+                J, rate = (np.einsum("cd,dnc->cn", x, one) for x in (near, slopes))
+                momentum = _times(rate[:, None], mass)[:, 0]
+                square = (rate * momentum).sum(axis=1)
+                t = np.clip(t - (J * momentum).sum(axis=1) / square, begin, end)
+                near, slopes = weights(t)
+            settled = np.abs(t - before) * self.frequency < SETTLED_FIELD
+            if k and settled.all():
+                break
+        J = np.einsum("cd,dnc->cn", near, one)
+        size = np.sqrt(square)
+        left = np.sqrt((J * _times(J[:, None], mass)[:, 0]).sum(axis=1)) * self.frequency / size
+        good = settled & (left < SETTLED_FIELD**2)
+        return t[good], (rate / size[:, None])[good], (momentum / size[:, None])[good]
+
+
+def _times(rows: Array, mass: Array) -> Array:
+    """Return rows (K, c, n) times L_vv, (K, n, n) or its diagonal (K, 1, n)."""
+    return rows * mass if mass.shape[1] == 1 else rows @ mass
+
+
+def _quotient(turned: Array, other: Array) -> Array:
+    """Return the symmetric matrices whose eigenvalues are the tangents of phases, less an angle."""
+    found = np.linalg.solve(turned.swapaxes(1, 2), other.swapaxes(1, 2))
+    return (found + found.swapaxes(1, 2)) / 2
 
 
 def _counted_roots(phases: Phases, count: int) -> list[float]:
@@ -305,9 +400,12 @@ def _roots(phases: Phases, parts: int = 1) -> list[float]:
     """
     t, theta, rate, passed = _follow(phases, parts)
     speed, close = phases.frequency, SAME_ROOT * (t[-1] - t[0])
+    found = _settled_roots(phases, t, passed) if theta.shape[1] >= MANY_FIELDS else {}
     # Which phase from the last one on, in which interval, passes next.
-    interval = np.repeat(np.arange(passed.size), passed)
-    order = np.arange(interval.size) - np.repeat(np.cumsum(passed) - passed, passed) + 1
+    left = passed.copy()
+    left[list(found)] = 0
+    interval = np.repeat(np.arange(left.size), left)
+    order = np.arange(interval.size) - np.repeat(np.cumsum(left) - left, left) + 1
     total, width = theta.sum(axis=1), np.diff(t)
     turned = np.pi * passed + np.diff(total)
 
@@ -325,9 +423,34 @@ def _roots(phases: Phases, parts: int = 1) -> list[float]:
         _beyond(theta[interval + 1], passed[interval] - order),
     )
     roots = _passes(miss, t[interval], below, t[interval + 1], above, speed).tolist()
+    roots += [x for some in found.values() for x in some]
     # A root at the very end may fall behind it by rounding.
     late = (np.pi - theta[-1]) / speed < close
     return roots + [float(t[-1])] * int(np.sum(late & phases.regular[1]))
+
+
+def _settled_roots(phases: Phases, t: Array, passed: NDInt) -> dict[int, list[float]]:
+    """Return the roots between times t (K,), by the interval, where all that pass are found.
+
+    There fields vanish, in as many directions that differ.
+    """
+    b = phases.mesh.boundaries
+    which = np.flatnonzero(passed)
+    low, high = t[which], t[which + 1]
+    cut = np.searchsorted(b, low, side="right")
+    ends = np.minimum(b[np.minimum(cut, b.size - 1)], high)
+    two = ends < high
+    part = np.r_[which, which[two]]
+    low, high = np.r_[low, ends[two]], np.r_[ends, high[two]]
+    found: dict[int, list] = {}
+    for k, some in zip(part.tolist(), phases.zeros(low, high), strict=True):
+        found.setdefault(k, []).append(some)
+    roots = {}
+    for k, parts in found.items():
+        times, one, other = (np.concatenate(x) for x in zip(*parts, strict=True))
+        if times.size == passed[k] and np.linalg.eigvalsh(one @ other.T)[0] > DIFFERENT:
+            roots[k] = times.tolist()
+    return roots
 
 
 def _beyond(theta: Array, after: NDInt) -> Array:

@@ -47,6 +47,11 @@ class MatrixLayout:
         return self._own.kinds
 
     @property
+    def inside_solvers(self) -> dict[int, Any]:
+        """Those of what is inside elements, by the degree: all layouts of a system share them."""
+        return self.system.memoize("inside", _Solvers).kinds
+
+    @property
     def size(self) -> int:
         """All unknowns together."""
         return self.unknowns + self.rows + self.border
@@ -493,7 +498,7 @@ def border_matrix(
 
 class _Solvers(threading.local):
     def __init__(self) -> None:
-        self.kinds: dict[str, Any] = {}
+        self.kinds: dict[Any, Any] = {}
 
     def __reduce__(self) -> tuple:
         """Leave what is compiled behind: it is made again."""

@@ -121,6 +121,8 @@ class Pointwise:
         Where they are `symmetric`, the nonzeros are those of a triangle. Or `transposed`.
         """
         rows, cols = self.sparsity(output)
+        if rows.size == v.shape[1] and (rows == cols).all():  # a diagonal matrix
+            return nonzeros * v
         if transposed:
             rows, cols = cols, rows
         if symmetric:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from actionopt.mechanics.compiled import AT_ONCE
 from actionopt.mechanics.laws import Laws
 from actionopt.mechanics.tracing import ParameterTable
 from actionopt.tools.checks import numbers
@@ -238,6 +239,13 @@ def solve_motion(
     M (K, n n), bias (K, n), G' (K, n m), gamma (K, m); `active` (K, m) as in `dynamics`.
     """
     (count, n), m = bias.shape, gamma.shape[1]
+    few = max(AT_ONCE // (n + m) ** 2, 1)
+    if count > few:
+        found = np.empty((count, n + m))
+        for some in (slice(k, k + few) for k in range(0, count, few)):
+            held = None if active is None else active[some]
+            found[some] = solve_motion(M[some], bias[some], G[some], gamma[some], held)
+        return found
     if not m:
         return np.linalg.solve(M.reshape(count, n, n), bias[..., None])[..., 0]
     K = np.zeros((count, n + m, n + m))
