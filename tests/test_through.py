@@ -811,3 +811,23 @@ def test_a_solution_that_gives_other_coordinates_of_an_event_is_a_guess():
     near = ao.solve(ao.Problem(FREE, *ends, through=[ao.Event(0.5, [1, None])]))
     other = ao.Problem(FREE, *ends, through=[ao.Event(0.5, [None, 1])])
     np.testing.assert_allclose(ao.solve(other, guess=near)(0.5), [0.5, 1], atol=1e-12)
+
+
+def test_parameters_of_a_problem_may_be_given_to_another():
+    """Those of several laws hold the times of legs, those of given integrals kappa."""
+    one, other = (
+        ao.System(lambda q, v, t, *, n: n**2 * (v @ v) / 2, ["x", "y"], parameters={"n": n})
+        for n in (1.0, 1.0)
+    )
+    ends = ao.Event(0.0, [0.0, 1.0]), ao.Event(1.0, [2.0, -1.0])
+    line = [ao.Event(None, None, on=lambda q, t: q[1])]
+    two = ao.Problem([one, other], *ends, through=line)
+    again = two.replace(parameters={**two.parameters, "n": 1.1})
+    assert again.parameters["n"] == 1.1
+    assert ao.Problem(one, *ends, parameters=again.parameters).parameters == {"n": 1.1}
+    rope = ao.System(
+        lambda q, v, t: v[0] ** 2, ["y"], integral=lambda q, v, t: np.sqrt(1 + v[0] ** 2)
+    )
+    ends = ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])
+    given = ao.Problem(rope, *ends, integral=2.0).parameters
+    assert ao.Problem(rope, *ends, parameters=given).parameters == {}

@@ -203,9 +203,13 @@ class Problem(BetweenEvents):
             events = source.start, *source.through, source.end
             system = with_parameters(self.system, events, self.parameters)
             object.__setattr__(self, "system", system)
+        given = dict(by_name(self.parameters, "parameters"))
+        for name in (SWITCHES, MULTIPLIERS):  # those of another problem, given along with the rest
+            if name not in self.system.table.shapes or (self.laws and name == SWITCHES):
+                given.pop(name, None)
         if self.laws:
-            check_shared(self, by_name(self.parameters, "parameters"))
-        values = self.system.table.values(self.parameters)
+            check_shared(self, given)
+        values = self.system.table.values(given)
         if self.laws:
             values[SWITCHES] = np.array([_time(e) for e in self.through])
         object.__setattr__(self, "parameters", values)
