@@ -266,9 +266,9 @@ class Action:
         inertias = diagonal(system, 2, C) * self.lengths**2 / duration ** (2 * self.order - 1)
         good = inertias[np.isfinite(inertias) & (inertias > 0)]
         unit = float(np.partition(good, good.size // 2)[good.size // 2]) if good.size else 1.0
-        if not system.m:
-            return unit, np.ones(0)
         layout = self.layout
+        if self.order == 1 and not layout.rows:
+            return unit, np.ones(system.m)
         # Of rows that are not in contact slopes along the line, which may be far from the obstacle,
         # are a unit where there is no other: with velocities alone they are measured in contact.
         on = slice(None) if self.order > 1 and not layout.rows else layout.row_nodes

@@ -60,6 +60,8 @@ def carry_boundaries(
 
 def with_boundaries(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
     """Return the mesh with boundaries at the instants; one that is close is moved there."""
+    if not known:
+        return mesh
     b, slack = mesh.since, _slack(mesh)
     at = _inside(known, mesh.boundaries[0], mesh.duration, slack)
     apart = np.abs(at[:, None] - b)

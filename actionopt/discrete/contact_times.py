@@ -71,7 +71,8 @@ class TangencyMatrix:
         where, each = np.searchsorted(held.knots, times), np.arange(times.size)
         # All times from one on move, so that a short part behind it keeps its length.
         self._shifted = (where[:, None] == where) & (each[:, None] >= each)
-        columns, rows, corner = contact_edges(equations, z, times)
+        columns, rows, corner, self._values = contact_edges(equations, z, times)
+        self._z, self._rows = z, rows
         self.factors = Factors(equations.layout, equations.kkt(z), many=True)
         moves = [self.factors.solve(move) for move in (columns @ self._shifted).T]
         self._moves = -np.stack(moves, axis=1)
@@ -89,16 +90,20 @@ class TangencyMatrix:
         since. A `force` (size,) is what the residual of the path is to be in place of zero.
         """
         step = self.factors.solve(force - equations.residual(z))
-        there = DiscretePath(equations.at(z + step), (z + step)[: equations.at(z).layout.size])
-        change = self._inverse @ slip_values(there)
+        if z is self._z:
+            slip = self._values + self._rows @ step
+        else:
+            there = DiscretePath(equations.at(z + step), (z + step)[: equations.at(z).layout.size])
+            slip = slip_values(there)
+        change = self._inverse @ slip
         return self._shifted @ change, step + self._moves @ change
 
 
-def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, Array, Array]:
+def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, ...]:
     """Return the border of the matrix of a path for its times of contact (J,).
 
     The derivatives of its residual by each time alone (size, J), and of the slips by z (J, size)
-    and by the times (J, J).
+    and by the times (J, J). And the slips (J,).
     """
     tr, count = equations.at(z), times.size
     at, b = DiscretePath(tr, z[: tr.layout.size]), tr.mesh.boundaries
@@ -130,7 +135,7 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
             columns[part] = integrals_by(stretch)[:, :count] / border.units[:, None]
             for row, slip in zip(rows, met, strict=True):
                 row[part] = slip.by_multipliers(at) * border.unit / border.units
-    return columns, rows, own[:, :count]
+    return columns, rows, own[:, :count], np.array([slip.value for slip in met])
 
 
 @dataclass(eq=False)
@@ -230,7 +235,9 @@ class ContactEquations:
         equations, own = self._equations_at(y)
         tr = equations.at(own)
         T = self._durations(tr)
-        columns, rows, corner = contact_edges(equations, own, contacts_of(tr.problem).contact_times)
+        columns, rows, corner, _ = contact_edges(
+            equations, own, contacts_of(tr.problem).contact_times
+        )
         edges = columns * T, rows / self.unit, corner * T / self.unit
         return border_matrix(equations.layout, equations.kkt(own), *edges)[1]
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from actionopt.mechanics.evaluation import solve_motion
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.immutable import immutable
@@ -199,8 +200,13 @@ class Held(Problem):
         return 0.0 - self._dynamics(q, v, t, parameters)[1][self.free.system.m :]
 
     def row_multipliers(self, q: Array, v: Array, t: Array) -> Array:
-        """Return the multipliers of the constraints and of the obstacle's rows, (m + r, K)."""
-        return self._dynamics(q, v, t, self.parameters)[1]
+        """Return the multipliers of the constraints and of the obstacle's rows, (m + r, K).
+
+        At q and v (n, K) and t (K,), which are not checked.
+        """
+        arguments = q.T, v.T, t[:, None], self.packed
+        M, bias, G, gamma = self.system.pointwise("motion")(*arguments)
+        return solve_motion(M, bias, G, gamma, self.active(t).T)[:, len(q) :].T
 
     def rows(self, q: Array, t: Array) -> Array:
         """Return the obstacle's rows (r, K) at q (n, K) and t (K,)."""

@@ -21,6 +21,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.first_mesh import COARSE_ELEMENTS
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.search import CURVED_HEIGHT
 from actionopt.solver.workspace import Workspace
@@ -36,6 +37,7 @@ WINDOW = 8  # elements where a path passes through what no node sees, such as a 
 UNSEEN = 1e-9  # in units of the rows: what f is below zero there
 # points of each interval in which f is least, and how often it shrinks
 CLOSEST_POINTS, CLOSEST_ROUNDS = 40, 4
+TURN = np.pi / 4  # of the obstacle's normal along an element
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
@@ -174,8 +176,8 @@ def hidden_contact_times(found: DiscretePath) -> list[Array]:
 
     There elements have to be shorter for their nodes to see it.
     """
-    t, reach = sample_times(found), float(np.diff(found.mesh.nodes).max())
-    f, arcs, windows = rows_along(found, t), contact_parts(found), []
+    (t, f), reach = sample_rows(found), float(np.diff(found.mesh.nodes).max())
+    arcs, windows = contact_parts(found), []
     for i, row in enumerate(f < -UNSEEN * found.tr.row_units[-len(f) :, None]):
         for k, l in runs(row):
             a, b = t[max(k - 1, 0)], t[min(l + 1, t.size - 1)]
@@ -194,6 +196,22 @@ def narrow_contact_times(found: DiscretePath) -> list[Array]:
         for k, l in runs(row)
         if l - k < 2
     ]
+
+
+def cut_part(
+    a: float, b: float, duration: float, times: Array | None = None, turned: Array | None = None
+) -> Array:
+    """Return the times after a, up to b, at which elements of a path of a duration end.
+
+    By the angles (K,) by which an obstacle's normals `turned` at times (K,) from a to b, if any.
+    """
+    count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / duration)), 1)
+    if times is None or turned is None or not turned[-1] > TURN * count:
+        return np.linspace(a, b, count + 1)[1:]
+    count = int(np.ceil(turned[-1] / TURN))
+    # Half of them by the angle, half by the time.
+    both = (times - a) / (b - a) + turned / turned[-1]
+    return np.append(np.interp(np.linspace(0.0, 2.0, count + 1)[1:-1], both, times), b)
 
 
 def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Array]:
@@ -223,21 +241,27 @@ def rows_along(found: DiscretePath, t: Array) -> Array:
     return contacts_of(found.problem).rows(found.path(t), t)
 
 
-def times_between(mesh: Mesh) -> Array:
-    """Return the times (K,) of the nodes, and others between them."""
-    inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
-    between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
-    return np.unique(np.concatenate([between, mesh.nodes]))
+def rows_between(found: DiscretePath) -> tuple[Array, Array]:
+    """Return the times (K,) of a path's nodes and of others between, and its rows (r, K) then."""
+    mesh, inner = found.mesh, lgl(BETWEEN).nodes[1:-1]
+    times, places = [mesh.nodes], [found.Q]
+    for g in mesh.groups:
+        part = mesh.lengths[g.elements, None] * ((inner + 1) / 2)
+        times.append((mesh.boundaries[g.elements, None] + part).ravel())
+        between = g.rule.interpolation(inner) @ found.Q[g.nodes]
+        places.append(between.reshape(-1, found.Q.shape[1]))
+    t, where = np.unique(np.concatenate(times), return_index=True)
+    return t, contacts_of(found.problem).rows(np.concatenate(places)[where].T, t)
 
 
-def sample_times(found: DiscretePath) -> Array:
-    """Return times between the nodes, and those at which f is least among its neighbours.
+def sample_rows(found: DiscretePath) -> tuple[Array, Array]:
+    """Return times (K,) between the nodes, those with a row least among its neighbours, and rows.
 
-    Also where it may be least beside an end of the path or of contact: there f is zero and may fall
-    before it grows.
+    Also where one may be least beside an end of the path or of contact: there f is zero and may
+    fall before it grows. The rows are (r, K).
     """
-    held, t = contacts_of(found.problem), times_between(found.mesh)
-    slope = np.diff(rows_along(found, t))
+    held, (t, rows) = contacts_of(found.problem), rows_between(found)
+    slope = np.diff(rows)
     on = np.zeros((len(slope), t.size), dtype=bool)
     if held.arcs is not None:
         on = held.active(t)[held.free.system.m :]
@@ -246,23 +270,26 @@ def sample_times(found: DiscretePath) -> Array:
     edge[:, [0, -1]] |= ~on[:, [0, -1]]
     row, at = np.nonzero(edge)
     i, begin, end = np.append(i, row), np.append(t[k], t[at]), np.append(t[k + 2], t[at + 1])
-    times, each = [t], np.arange(i.size)
-    for k in range(CLOSEST_ROUNDS):
+    times, values, each = [t], [rows], np.arange(i.size)
+    for k in range(CLOSEST_ROUNDS if i.size else 0):
         near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSEST_POINTS)
-        f = rows_along(found, near.ravel())
-        f = f.reshape(len(f), *near.shape)[i, each]
+        rows = rows_along(found, near.ravel()).reshape(-1, *near.shape)
+        f = rows[i, each]
         least = np.argmin(f, axis=1)
         within = (least > 0) & (least < CLOSEST_POINTS - 1)  # at an end it is among the others
         least = np.clip(least, 1, CLOSEST_POINTS - 2)
-        begin, end = near[each, least - 1], near[each, least + 1]
         # Later ones tell the least alone.
-        times += [begin, near[each, least], end] if k else [near.ravel()]
+        told = each[:, None], least[:, None] + [-1, 0, 1]
+        times.append((near[told] if k else near).ravel())
+        values.append((rows[:, *told] if k else rows).reshape(len(rows), -1))
+        begin, end = near[each, least - 1], near[each, least + 1]
         rise = np.maximum(f[each, least - 1], f[each, least + 1]) - f[each, least]
         left = within & (f[each, least] < rise)  # else it stays outside
         if not left.any():
             break
         i, begin, end, each = i[left], begin[left], end[left], each[: np.sum(left)]
-    return np.unique(np.concatenate(times))
+    t, where = np.unique(np.concatenate(times), return_index=True)
+    return t, np.concatenate(values, axis=1)[:, where]
 
 
 def is_of_higher_order(found: DiscretePath) -> bool:

@@ -20,6 +20,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.borders import times_of
 from actionopt.discrete.boundaries import with_boundaries
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.integrals import integrals
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -190,7 +191,7 @@ def _draw_strings(
             away = sign * sideways(free) if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
-        string = strings.draw(side)
+        string = strings.draw(side, ws.first_degree(True))
         if string is None:
             continue
         status = refine_contact(ws, tol, string[1], string[0])
@@ -199,14 +200,31 @@ def _draw_strings(
     return best
 
 
-def _free_path(ws: Along, mesh: Mesh, *, sought: bool = True) -> Iterate:
+def _free_path(ws: Along, mesh: Mesh) -> Iterate:
     """Return the path that sees no obstacle; the straight line where there is none."""
+    _stand_free(ws, mesh, sought=True)
+    ws.follow()
+    return ws.here
+
+
+def _least_linear(ws: Along, mesh: Mesh) -> Iterate | None:
+    """Return the path of linear equations that sees no obstacle; None if it is not least."""
+    _stand_free(ws, mesh, sought=False)
+    tr, z = ws.here.tr, ws.here.z
+    with ws.record.clock("solve"), suppress(np.linalg.LinAlgError):
+        factors = Factors(tr.layout, tr.kkt(z))
+        if factors.definite():
+            ws.here = ws.here.moved(z - factors.solve(tr.residual(z)))
+            return ws.here
+    return None
+
+
+def _stand_free(ws: Along, mesh: Mesh, *, sought: bool) -> None:
+    """Stand on the straight line, where nothing sees the obstacle."""
     ws.restart()
     ws.units = None
     ws.problem = held = Held(ws.question, (), sought=sought)
     ws.transcribe(mesh, None, np.zeros((mesh.nodes.size, held.system.m)))
-    ws.follow()
-    return ws.here
 
 
 def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, bool] | None:
@@ -223,8 +241,8 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     beside = problem.advance is not None or problem.is_course
     if n == 1 or m or beside or not problem.system.structure.linear:
         return None
-    free = _free_path(ws, mesh, sought=False)
-    if free.index:
+    free = _least_linear(ws, mesh)
+    if free is None:
         return None
     out = WayOut.of(free)
     if out is None:
@@ -237,7 +255,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     for side in (out.normal, -out.normal) if n == 2 else (out.normal,):
         if best and far > best[0].here.action:
             return best
-        string = out.strings.draw(lambda _, side=side: side)
+        string = out.strings.draw(lambda _, side=side: side, ws.first_degree(True))
         if string is None or len(string[1]) != 1 or _meets_another(problem, *string):
             return best and (*best[:2], False)
         if n > 2 and far < _action_of(problem, string[0]):
@@ -406,14 +424,15 @@ def refine_contact(
 ) -> Status:
     """Hold what is in contact and refine the path, until all conditions are satisfied.
 
-    That are the `arcs` along the path at hand, which may be `resolved`, or a `curve`.
+    That are the `arcs` along the path at hand, which may be `resolved`, or along a `curve`, which
+    is.
     """
     allowed, ws.freed = tol / 4, False
     coarse = 2 * float(np.diff(ws.here.mesh.nodes).max())
     for k in range(CHANGES):
         if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
             allowed = max(tol, VANISHING[1])
-        ws.hold(arcs, curve, resolved=resolved)
+        ws.hold(arcs, curve, resolved=resolved or curve is not None)
         held = ws.here
         try:
             eased, curve = curve is not None, None
@@ -434,9 +453,11 @@ def refine_contact(
                 if not ws.as_given():
                     ws.hint = ws.why()
                     return Status.DEGENERATE if is_soft(ws.here) else Status.NOT_FOUND
+                looked_at = ws.here.z
                 status = refine(ws, tol, least=True)
                 resolved = True
-                other = ws.next_contacts(allowed) if status.success else None
+                if status.success and ws.here.z is not looked_at:
+                    other = ws.next_contacts(allowed)
                 if other is None:
                     return _judge(ws, tol, status)
             arcs = other

@@ -39,13 +39,13 @@ from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
 from actionopt.solver.first_contacts import (
+    cut_part,
     is_of_higher_order,
     normal_turns,
-    rows_along,
     runs,
-    sample_times,
+    sample_rows,
 )
-from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
+from actionopt.solver.first_mesh import COARSE_DEGREE
 from actionopt.solver.ipopt import IPOPT_TOLERANCE
 from actionopt.solver.iterate import Iterate, UnfixedPath
 from actionopt.solver.signals import HALVINGS
@@ -56,7 +56,6 @@ from actionopt.tools.types import EPS, RANK, Array
 # Ad hoc, all of them, where nothing else is said.
 FLAT = 1e-3  # in units of the rows' typical gradients: a row has none
 FLATTEST = 1e-6  # of its gradient on the straight line: a row that still has a unit of its own
-TURN = np.pi / 4  # of the obstacle's normal along one of these
 RUNAWAY_STEP = 10.0  # in units of the motion: a longer step leads nowhere
 SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # A part between times of contact is none if it is shorter, in the duration, than the tolerance,
@@ -189,6 +188,11 @@ class Along(Workspace[Iterate]):
         """Take up a path that Ipopt found, with the contacts it had there."""
         self.problem, self.here = found.problem, found
 
+    def first_degree(self, touches: bool) -> int:
+        """Return the degree of first elements of a path that touches the obstacle, or does not."""
+        fine = touches and self.tol < FINE_TOL and self.question.system.order == 1
+        return FINE_DEGREE if fine else COARSE_DEGREE
+
     def hold(
         self, arcs: tuple[Arc, ...], curve: Path | None = None, *, resolved: bool = False
     ) -> None:
@@ -205,23 +209,16 @@ class Along(Workspace[Iterate]):
         apart = set_phase(free, path, arcs)
         if apart is not free:  # not at a time at which contact may begin
             self.problem = held = Held(apart, arcs, sought=held.sought)
-        T = free.duration
-        parts = [np.zeros(1)]
-        for a, b in pairwise(np.union1d(held.knots, held.contact_times) - free.start.t):
-            count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / T)), 1)
-            cuts = np.linspace(a, b, count + 1)
-            times, turned = normal_turns(held, path, a, b)
-            if turned[-1] > TURN * count:  # half of them by the angle, half by the time
-                count = int(np.ceil(turned[-1] / TURN))
-                both = (times - a) / (b - a) + turned / turned[-1]
-                cuts = np.interp(np.linspace(0.0, 2.0, count + 1), both, times)
-            parts.append(np.append(cuts[1:-1], b))
-        fine = bool(arcs) and self.tol < FINE_TOL and free.system.order == 1
-        degree = FINE_DEGREE if fine else COARSE_DEGREE
-        mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), degree)
         if resolved:
             mesh = self.with_boundaries(path.mesh)
-        there = path.on(mesh)
+        else:
+            since = [np.zeros(1)]
+            for a, b in pairwise(np.union1d(held.knots, held.contact_times) - free.start.t):
+                since.append(cut_part(a, b, free.duration, *normal_turns(held, path, a, b)))
+            mesh = Mesh.over(
+                free.start.t, free.end.t, np.concatenate(since), self.first_degree(bool(arcs))
+            )
+        there = path if mesh is path.mesh else path.on(mesh)
         lam = self._contact_multipliers(there) if curve else self._convert_multipliers(old, there)
         self.transcribe(mesh, there, lam, like=path)
 
@@ -301,9 +298,12 @@ class Along(Workspace[Iterate]):
 
     def ease(self) -> bool:
         """Take away, part by part, the force under which the path at hand would be one."""
-        force, done, part = self.here.equations.residual(self.here.z), 0.0, 1.0
+        force: Array | float = 0.0
+        done, part = 0.0, 1.0
         while done < 1.0:
             problem, here, units = self.problem, self.here, self.units
+            if part == 0.5 and done == 0.0:
+                force = here.equations.residual(here.z)
             with suppress(ContactChange):
                 if self._join((1.0 - done - part) * force):
                     done += part
@@ -482,16 +482,18 @@ def contact_conditions(at: DiscretePath, sizes: Array) -> tuple[Array, ...]:
     Which rows are in contact, (r, K); how deep the path is inside of the others, in its sizes (n,);
     what those in contact push with, and the unit of that, (r, 1).
     """
-    held, t = contacts_of(at.problem), sample_times(at)
-    m, f = held.free.system.m, rows_along(at, t)
+    held, (t, f) = contacts_of(at.problem), sample_rows(at)
+    m = held.free.system.m
     on = held.active(t)[m:]
-    push, depth, known = np.zeros(f.shape), np.zeros(f.shape), {"parameters": held.parameters}
+    push, depth = np.zeros(f.shape), np.zeros(f.shape)
     touched, inside = on.any(axis=0), ((f < 0) & ~on).any(axis=0)
     if touched.any():
         s = t[touched]
-        push[:, touched] = held.contact_force(at.path(s), at.path.velocity(s), s, **known)
+        state = at.path.carried_on(s - held.start.t, 1.0)
+        push[:, touched] = 0.0 - held.row_multipliers(*state, s)[m:]
     if inside.any():
-        G = held.system.constraint_jacobian(at.path(t[inside]), t[inside], **known)[m:]
+        s = t[inside]
+        G = held.system.constraint_jacobian(at.path(s), s, parameters=held.parameters)[m:]
         off = np.where(on, 0.0, -f)[:, inside]
         depth[:, inside] = off / np.einsum("rnk,n->rk", np.abs(G), sizes)
     unit = at.tr.action_unit / (held.duration * at.tr.row_units[m:, None])

@@ -35,7 +35,7 @@ from actionopt.mechanics.held import Held, contacts_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
-from actionopt.solver.first_contacts import WEAK, lines, rows_along, runs, sample_times
+from actionopt.solver.first_contacts import WEAK, lines, runs, sample_rows
 from actionopt.solver.ipopt import minimize
 from actionopt.solver.iterate import UnfixedPath
 from actionopt.solver.least_along import SOUGHT, refine_contact
@@ -160,9 +160,9 @@ def depths(at: DiscretePath, sizes: Array) -> tuple[Array, Array]:
 
     In its sizes (n,).
     """
-    held, t = contacts_of(at.problem), sample_times(at)
+    held, (t, f) = contacts_of(at.problem), sample_rows(at)
     G = held.system.constraint_jacobian(at.path(t), t, parameters=held.parameters)
-    depth = np.where(held.active(t), 0.0, -rows_along(at, t))
+    depth = np.where(held.active(t), 0.0, -f)
     return t, depth / np.einsum("rnk,n->rk", np.abs(G), sizes)
 
 
