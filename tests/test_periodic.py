@@ -93,6 +93,17 @@ def test_closed_path_on_a_moving_constraint():
     assert abs(held.lam[0, 0] - held.multipliers(0.0)[0]) < 1e-6  # one class less accurate
 
 
+def test_a_guess_of_one_element_leads_to_a_closed_path():
+    w = 1.5
+    driven = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - 2 * q[0] ** 2 + 0.7 * np.cos(w * t) * q[0], ["x"]
+    )
+    problem = ao.Problem(driven, ao.Event(0.0, [None]), Periodic(2 * np.pi / w))
+    mesh = ao.Mesh([0.0, 2 * np.pi / w], [10])
+    guess = ao.Path.interpolate(lambda t: 0.3 * np.cos(w * t), mesh)
+    assert ao.solve(problem, guess=guess).start.q[0] == pytest.approx(0.7 / (4 - w**2), rel=1e-8)
+
+
 def test_what_does_not_fit_is_refused():
     system = driven()
     with pytest.raises(ValueError, match="advance of 1 coordinates, found 2"):

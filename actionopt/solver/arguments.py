@@ -115,6 +115,10 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
         known = guess
         if known.values.shape[0] != n:
             raise ValueError(f"expected a guess of {n} coordinates, found {known.values.shape[0]}")
+        if problem.advance is not None and known.mesh.elements == 1:  # no path on one closes
+            since, degrees = known.mesh.since, np.repeat(known.mesh.degrees, 2)
+            halves = np.array([0.0, since[-1] / 2, since[-1]])
+            known = known.on(Mesh.over(*known.mesh.boundaries.tolist(), halves, degrees))
         return lambda mesh: Path(carry_boundaries(known.mesh, old, new, t0, t1), known.values)
     if callable(guess):
         known_at = checked_curve(guess, n)
