@@ -22,6 +22,20 @@ OSCILLATOR = ao.System(
 )
 
 
+def test_a_function_that_begins_elsewhere_is_refused():
+    problem = scenes.get("pendulum").problem
+    for other, what in (
+        (lambda g: problem.replace(parameters={"g": g + 1.0}), "other parameters"),
+        (
+            lambda g: problem.replace(end=ao.Event(problem.end.t, [0.5])),
+            "other coordinates at events",
+        ),
+        (lambda g: systems.soap_film(0.5), "another system"),
+    ):
+        with pytest.raises(ValueError, match=f"is the problem given, found one with {what}"):
+            ao.trace(problem, other, 5.0, start=problem.parameters["g"])
+
+
 @pytest.mark.long
 def test_bratu_turns_the_corner():
     # u'' + lam e^u = 0: theta = sqrt(2 lam) cosh(theta / 4); fold at lam = 3.513830719125161

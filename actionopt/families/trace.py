@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,6 +65,18 @@ BRANCH_GAP = 3.0
 # what they were where the mesh was found to resolve the neighbours of a path, too. Ad hoc.
 COUNTED_ON_MESH = 7
 SHORTEST_TOLD = 1e-4  # a step that is halved no more to tell what changes within it
+# How far what a function gives at the start may be from the problem given: round-off; ad hoc.
+SAME_START = 1e-9
+# The numbers of a question by what they are; None becomes NaN.
+QUESTION_NUMBERS: dict[str, Callable[[Problem], Any]] = {
+    "times of events": lambda problem: [event.t for event in problem.joints_found],
+    "coordinates at events": lambda problem: [
+        event.places(problem.system.order) for event in problem.joints_found
+    ],
+    "parameters": lambda problem: problem.packed,
+    "energy": lambda problem: problem.energy,
+    "values of integrals": lambda problem: problem.integral,
+}
 GROWN_UNITS = 2.0  # times the units of the coordinates: then these grow along, and steps with them
 # A branch is infinite at a value where it has grown so many times, nearer to it than this part of
 # the range. Where equations are not linear it grows from tol to tol^(1/3), too, at a pitchfork with
@@ -124,8 +136,8 @@ def trace(
     Raises
     ------
     ValueError
-        If `vary` names nothing, `to` is the present value, or the first path has no index that
-        could be counted.
+        If `vary` names nothing or, at `start`, is not the problem, `to` is the present value, or
+        the first path has no index that could be counted.
     SolveError
         If there is no first path.
     """
@@ -186,7 +198,28 @@ def _family(
         return partial(_with, problem, vary), present(problem, vary)  # which pickles
     if start is None:
         raise ValueError("expected start, the number that stands for the problem given")
-    return vary, number(start, "start, the number that stands for the problem given")
+    value = number(start, "start, the number that stands for the problem given")
+    begun = vary(value)
+    check_problem(begun)
+    if other := _difference(begun.original, problem):
+        raise ValueError(
+            f"expected a function whose value at the start, {value:g}, is the problem given, found "
+            f"one with {other}; give that one, or the start at which it is the problem given"
+        )
+    return vary, value
+
+
+def _difference(one: Problem, other: Problem) -> str:
+    """Return what tells a question from another, but for round-off; empty if they are the same."""
+    if one.system is not other.system and one.system.digest != other.system.digest:
+        return "another system"
+    for what, numbers_of in QUESTION_NUMBERS.items():
+        a, b = (np.array(numbers_of(problem), dtype=float).ravel() for problem in (one, other))
+        both = np.concatenate([a, b])
+        size = np.abs(both[np.isfinite(both)]).max(initial=0.0)
+        if a.shape != b.shape or not np.allclose(a, b, SAME_START, SAME_START * size, True):
+            return f"other {what}"
+    return ""
 
 
 def _with(problem: Problem, name: Name, value: float) -> Problem:
