@@ -19,8 +19,10 @@ from actionopt.tools.types import RANK, Array
 CHECKED_POINTS = 3  # of the path; a defect shows at all of them
 
 
-def check(tr: Transcription, Q: Array) -> None:
+def check(tr: Transcription, Q: Array, *, borrowed: bool = False) -> None:
     """Look at the path with node coordinates Q (K, n).
+
+    Units that are `borrowed` from a neighbour tell its inertia, which may vanish here.
 
     Raises
     ------
@@ -38,10 +40,15 @@ def check(tr: Transcription, Q: Array) -> None:
             _check_finite(tr, Q)
     second = system.pointwise("second")
     row, col = second.sparsity(2)
+    inertia = tr.inertia
+    if borrowed:
+        middle = slice(nodes.size // 2, nodes.size // 2 + 1)
+        rest = first_state(system, Q[middle], np.zeros_like(Q[middle]))
+        inertia = second(*rest, nodes[middle, None], problem.packed)[2][0]
     if (row == col).all():  # the full matrix of many coordinates has far more numbers
-        regular = row.size == system.n and bool((tr.inertia > 0).all())
+        regular = row.size == system.n and bool((inertia > 0).all())
     else:
-        regular = _definite(second.full(2, tr.inertia[None], symmetric=True)[0])
+        regular = _definite(second.full(2, inertia[None], symmetric=True)[0])
     if regular and not system.m:
         return
     last = nodes.size - 1

@@ -137,7 +137,7 @@ class Unfixed(Workspace[UnfixedPath]):
             tr = self.units = bordered.first
             self._attach(tr)
             if not self.checked:
-                check(tr, path.values.T)
+                check(tr, path.values.T, borrowed=like is not None)
                 self.checked = True
         return UnfixedPath(tr, y, size, lengths, self.gain, bordered=bordered)
 

@@ -239,7 +239,7 @@ class Workspace(Generic[Place]):
 
                 Q = (project_on if path is None and _chooses(self.problem) else project)(tr, Q)
             if not self.checked:
-                check(tr, Q)
+                check(tr, Q, borrowed=units is not None)
                 self.checked = True
             small = system.n + system.m <= DENSE_MOTION
             if system.m and lam is None and small and system.order == 1:
