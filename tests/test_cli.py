@@ -352,6 +352,12 @@ def test_a_path_of_which_it_cannot_be_told_is_printed_and_no_failure(capsys, mon
     assert "the path is no motion" in err and "nan" not in err
 
 
+def test_a_gallery_that_cannot_be_written_says_where(capsys):
+    assert main(["gallery", "/dev/null/gallery"]) == 1
+    err = capsys.readouterr().err
+    assert "a place that can be written or read, found '/dev/null" in err and "Errno" not in err
+
+
 @pytest.mark.parametrize("setting", ["mu", "mu=", "=1", "mu=one", "2x=1", "mu=__import__('os')"])
 def test_settings_that_are_none(capsys, setting):
     with pytest.raises(SystemExit) as stop:

@@ -641,6 +641,23 @@ def test_what_a_rope_conserves_is_that_of_its_problem():
 
 
 @pytest.mark.parametrize(
+    "law",
+    [
+        lambda q, v, t: 1 + 0 * t,
+        lambda q, v, t: 2 * q[0] * v[0],
+        lambda q, v, t: [q[0] ** 2, np.sin(q[0]) + t * np.cos(q[0]) * v[0]],
+    ],
+)
+def test_integrals_that_the_events_tell_are_refused(law):
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x"], integral=law)
+    count = system.g.numel()
+    problem = ao.Problem(system, ao.Event(0, [0]), ao.Event(1, [1]), integral=[1.0] * count)
+    with pytest.raises(ValueError, match=f"that of expression {count - 1}, which is a constant or"):
+        ao.solve(problem)
+    check_integrals(problem.replace(end=ao.Event(1, [None])))  # there its value tells the end
+
+
+@pytest.mark.parametrize(
     ("other", "independent"),
     [
         (lambda q, v, t: 2 * q[0], False),

@@ -352,6 +352,7 @@ BAD_SYSTEMS = [
     (lambda: System(lambda q, v: v[0], ["x"]), r"expected lagrangian\(q, v, t"),
     (lambda: System(lambda q, v, t, m: m * v[0], ["x"]), r"put a \* before the parameters \(m\)"),
     (lambda: System(simple, "x"), "sequence of coordinate names"),
+    (lambda: System(simple, [""]), r"sequence of coordinate names, such as .*found \[''\]"),
     (lambda: System(simple, None), "sequence of coordinate names, such as .*found None"),
     (lambda: System(simple, 3), "sequence of coordinate names, such as .*found 3"),
     (lambda: System(simple, [0, 1]), r"sequence of coordinate names, such as .*found \[0, 1\]"),

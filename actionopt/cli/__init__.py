@@ -53,7 +53,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("interrupted", file=sys.stderr)
         return 130
     except (ValueError, RuntimeError, OSError, ArithmeticError) as error:
-        print(f"actionopt: {error}", file=sys.stderr)
+        said = str(error)
+        if isinstance(error, OSError) and error.filename is not None:
+            said = (
+                f"expected a place that can be written or read, found {str(error.filename)!r}: "
+                f"{error.strerror}"
+            )
+        print(f"actionopt: {said}", file=sys.stderr)
         return 1
 
 

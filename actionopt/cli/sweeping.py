@@ -30,14 +30,17 @@ def add_to(command: argparse.ArgumentParser) -> None:
     add_question(command)
     look: Any = {
         "metavar": "NAME=FROM:TO:COUNT",
-        "help": "values at equal steps; one for each axis",
+        "help": "COUNT values at equal steps, both ends included; once for each axis of the grid",
     }
     add("--over", type=_over, action="append", required=True, **look)
     add("--tol", type=float, default=1e-8, help="bound on the relative error of each path (1e-8)")
-    add("--index", action="store_true", help="count the index of each path")
+    add("--index", action="store_true", help="count the Morse index of each path")
     one_of("--jobs", type=int, metavar="N", help="processes (1)")
     one_of("--dask", metavar="ADDRESS", help="of the scheduler of a Dask cluster")
-    what = "try again what is not found, as long as it takes; also of a sweep that --out wrote"
+    what = (
+        "then try again each member that was not found, as long as `solve` takes; with a file, "
+        "the members of the sweep over the same --over that --out wrote there"
+    )
     add("--retry", nargs="?", const=True, type=_file_of_runs, metavar="FILE.npz", help=what)
     add("--seconds", type=float, help="time it may take; then it ends as if it were interrupted")
     add("--resume", metavar="FILE", help="keep what is finished there, and go on from it")

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from actionopt.mechanics.identity import CANCELLED, general_points, general_states
+from actionopt.mechanics.identity import (
+    CANCELLED,
+    general_points,
+    general_states,
+    negligible,
+    remainder,
+)
 from actionopt.mechanics.surface import SURFACE_TOLERANCE
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import number
@@ -102,9 +109,53 @@ def check_alike(problem: Any) -> None:
 
 
 def check_integrals(problem: Any) -> None:
-    """Raise ValueError for an integral that is not more than the least, or less than the largest.
+    """Raise ValueError for an integral that is the same for all paths, or that no path has."""
+    _check_straight(problem)
+    for i in range(problem.system.g.numel()):
+        if _is_same_for_all(problem, i):
+            raise ValueError(
+                "expected integrals that differ from path to path, found that of expression "
+                f"{i}, which is a constant or a total derivative, to be the same for all paths "
+                "between the events, so that no multiplier is determined; leave it out"
+            )
 
-    Of g(v) that is convex, as a length is, the straight line has the least (Jensen's inequality).
+
+def _is_same_for_all(problem: Any, i: int) -> bool:
+    """Whether the events tell the integral of expression i: its Euler-Lagrange equations are 0 = 0.
+
+    Where they give all of both ends; of closed paths, where it contains neither t nor an advance.
+    """
+    system, events, way = problem.system, (problem.start, problem.end), problem.advance
+    s, g = system.symbols, system.g[i]
+    timed = None not in (problem.start.t, problem.end.t)
+    if not timed or system.order > 1 or isinstance(problem.question, tuple):
+        return False
+    if way is not None and (ca.depends_on(g, s.t) or (np.any(way) and ca.depends_on(g, s.q))):
+        return False
+    if way is None and min(len(e.pinned) for e in events) < system.n:
+        return False
+
+    def build() -> ca.Function:
+        a, p = ca.SX.sym("a", system.n), ca.gradient(g, s.v)
+        rates = (ca.jacobian(p, x) @ ca.diag(y) for x, y in ((s.q, s.v), (s.v, a)))
+        terms = ca.horzcat(ca.gradient(g, s.q), -ca.jacobian(p, s.t), *(-x for x in rates))
+        # |v| has no equations either, but on both sides of its kink: another slope.
+        kink = ca.horzcat(p, -ca.substitute(p, s.v, a), ca.SX(system.n, 2 * system.n))
+        terms = ca.densify(ca.vertcat(terms, kink))
+        return ca.Function("terms", [s.q, s.v, s.t, a, s.p], [terms])
+
+    q, v, t = general_states(system.n)
+    terms = system.memoize(f"equations of integral {i}", build).map(len(q))
+    values = terms(q.T, v.T, t.T, v[::-1].T, problem.packed.T).full()
+    with suppress(ValueError):  # it is finite nowhere in general position
+        return negligible(remainder(values.reshape(2 * system.n, len(q), -1)))
+    return False
+
+
+def _check_straight(problem: Any) -> None:
+    """Raise ValueError for an integral of g(v) beyond that along the straight line.
+
+    Of one that is convex, as a length is, the straight line has the least (Jensen's inequality).
     How it bends is asked at rates in units of those at which g(0) and the part of second order are
     of one size.
     """

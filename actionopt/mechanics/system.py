@@ -620,7 +620,7 @@ def _place(law: Callable[..., Any]) -> str:
 
 def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
     names = entries(coordinates)
-    if names is None or not all(isinstance(name, str) for name in names):
+    if names is None or not all(isinstance(name, str) and name.strip() for name in names):
         raise ValueError(
             f"expected a sequence of coordinate names, such as ['x', 'y'], found {coordinates!r}"
         )
