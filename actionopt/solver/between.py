@@ -51,6 +51,11 @@ class Choices:
     mesh: Mesh | None
     watch: Watch | None
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether all ways are open: nothing is asked of the mesh or the strategies."""
+        return self.mesh is None and self.strategies is STRATEGIES
+
 
 def between(
     problem: Problem, guess: Guess | None, choices: Choices, *, verdict: bool = True

@@ -28,7 +28,7 @@ from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.iterate import AT_REST, ROUNDED
 from actionopt.solver.revisions import infinite, revise_all
-from actionopt.solver.strategies import IPOPT, STRATEGIES
+from actionopt.solver.strategies import IPOPT
 from actionopt.solver.verdict import message_of
 from actionopt.tools.watch import OutOfTime
 
@@ -71,8 +71,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         yield from infinite(problem, guess, choices)
         return
     if not problem.has_free_boundary:
-        plain = choices.strategies is STRATEGIES and choices.mesh is None
-        if plain and problem.may_cross_kinks:
+        if choices.is_plain and problem.may_cross_kinks:
             from actionopt.solver.kinks import cross_kinks
 
             yield cross_kinks(problem, guess, choices)

@@ -157,7 +157,7 @@ def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterato
     reason, shut = explain_rest(problem.whole), ""
     if guess is None and not reason:
         shut = explain_leg(problem.whole)
-    plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
+    plain = guess is None and choices.is_plain
     if plain and choices.principle == "auto" and not (reason or shut):
         found = _beside_rest(problem, choices)
         if found is not None:
@@ -188,7 +188,7 @@ def _beside_rest(problem: Problem, choices: Choices) -> Found | None:
     if not has_other_rests(problem.whole):
         return None
     found = windows(problem, None, replace(choices, strategies=QUICK))
-    if _is_minimum(found[0]):
+    if _may_be_least(found[0]):
         return found
     try:
         path, reason = path_to_rest(problem.whole, choices)
@@ -200,11 +200,11 @@ def _beside_rest(problem: Problem, choices: Choices) -> Found | None:
     if path is None:
         return None
     found = windows(problem, path, replace(choices, strategies=GUESS_ONLY))
-    return found if _is_minimum(found[0]) else None
+    return found if _may_be_least(found[0]) else None
 
 
-def _is_minimum(solution: Solution) -> bool:
-    """Whether a path was found that no variation is known to lower."""
+def _may_be_least(solution: Solution) -> bool:
+    """Whether a path was found that no variation is known to lower: a descent is not asked."""
     if solution.success and solution.stats["rung"] in {way.name for way in CHEAP}:  # these descend
         return True
     with suppress(ValueError):  # where L is not convex in the rates
@@ -223,7 +223,7 @@ def follow_outwards(problem: Problem, guess: Guess | None, choices: Choices, fou
     merged with another path, and no path of its kind is there beyond.
     """
     solution, message = found
-    plain = guess is None and choices.mesh is None and choices.strategies is STRATEGIES
+    plain = guess is None and choices.is_plain
     unsettled = solution.status is Status.UNRESOLVED  # as a path round a sharp turn may be
     unsettled &= problem.system.F is not None or choices.principle == "least"
     lost = unsettled or solution.status is Status.NOT_FOUND
