@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt.mechanics import branches
 
 
 def of(potential, **more):
@@ -40,3 +41,15 @@ def test_each_side_has_a_law(potential, sides):
     pieces = found.pieces(found.evaluate(at, np.zeros((2, 1)), np.zeros((1, 0)))[0])
     for q, (piece,) in zip(at, pieces, strict=True):
         assert sides[piece](*q) == pytest.approx(float(-found.system.lagrangian(q, q * 0, 0.0)))
+
+
+def test_operations_are_read_once_for_all_sides(monkeypatch):
+    found, read = of(lambda q: abs(q[0]) + np.interp(q[1], [0, 1, 3, 4], [0, 2, 1, 5])), []
+    fold = branches._fold
+    monkeypatch.setattr(branches, "_fold", lambda *given: read.append(1) or fold(*given))
+    at = np.array([[0.5, 0.5], [-0.5, 2.0], [0.3, 3.5]])
+    pieces = found.pieces(found.evaluate(at, np.zeros((3, 1)), np.zeros((1, 0)))[0])
+    for q, row in zip(at, pieces.tolist(), strict=True):
+        here, law = (float(s.lagrangian(q, q, 0.0)) for s in (found.system, found.law(row)))
+        assert law == pytest.approx(here)
+    assert sum(read) == 1

@@ -22,9 +22,10 @@ def test_a_path_that_is_lost_at_a_kink_crosses_it_as_an_event():
 
 
 @pytest.mark.long
-def test_a_path_through_a_table_is_one_of_several_laws():
+@pytest.mark.parametrize("points", [25, pytest.param(201, marks=pytest.mark.slow)])
+def test_a_path_through_a_table_is_one_of_several_laws(points):
     """The force is constant between its points: motions from one to the next in closed form."""
-    x = np.linspace(-2.0, 2.0, 25)
+    x = np.linspace(-2.0, 2.0, points)
     V = -np.cos(x)
     table = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.interp(q[0], x, V), ["x"])
     found = ao.solve(ao.Problem(table, ao.Event(0.0, [-1.02]), ao.Event(2.5, [1.31])), tol=1e-8)

@@ -57,12 +57,24 @@ class Branches:
         s = self.system
 
         def build() -> Any:
-            found = _fold(s, pieces)
-            assert found is not None
+            given = s.symbols.q, s.symbols.v, s.symbols.t, s.symbols.p
+            (law,) = self._template.call([*given, ca.SX(ca.DM(list(pieces)))])
             known = s.coordinates, s.table, s.name, s.source
-            return s.of_laws(s.symbols, (found[0], s.f, s.Q), *known)
+            return s.of_laws(s.symbols, (law, s.f, s.Q), *known)
 
         return s.memoize(f"on pieces {tuple(pieces)}", build)
+
+    @property
+    def _template(self) -> ca.Function:
+        """L of (q, v, t, p, pieces), each piece a number: its operations are read only once."""
+
+        def build() -> ca.Function:
+            s, pieces = self.system.symbols, ca.SX.sym("piece", len(self.knots))
+            found = _fold(self.system, ca.vertsplit(pieces))
+            assert found is not None
+            return ca.Function("held", [s.q, s.v, s.t, s.p, pieces], [found[0]])
+
+        return self.system.memoize("held on pieces", build)
 
     def surface(self, which: int, knot: int) -> Callable[..., ca.SX]:
         """Return on(q, t) of the surface at a knot of an argument."""
@@ -92,7 +104,7 @@ def branches(system: Any) -> Branches | None:
 
 
 def _fold(
-    system: Any, pieces: Sequence[int] | None
+    system: Any, pieces: Sequence[ca.SX] | None
 ) -> tuple[ca.SX, list[tuple[ca.SX, Array]]] | None:
     """Return L on these pieces, or as it is, and where it has kinks; None for kinks of others."""
     s = system.symbols
@@ -100,10 +112,10 @@ def _fold(
     kinks: list[tuple[ca.SX, Array]] = []
     known = True
 
-    def piece(x: ca.SX, knots: Array = SIDES) -> int:
+    def piece(x: ca.SX, knots: Array = SIDES) -> ca.SX:
         """Return which piece of the next kink is held."""
         kinks.append((x, knots))
-        return 0 if pieces is None else pieces[len(kinks) - 1]
+        return ca.SX(0) if pieces is None else pieces[len(kinks) - 1]
 
     def branch(node: Node, operands: list[tuple[ca.SX, bool, bool]]) -> tuple[ca.SX, bool, bool]:
         """Return the value, and whether it is of q and of v."""
@@ -119,14 +131,16 @@ def _fold(
         held = value
         if code in TWO_SIDED:
             side = 2 * piece(x[0]) - 1
-            held = side * x[0] if code == ca.OP_FABS else ca.SX(side)
+            held = side * x[0] if code == ca.OP_FABS else side
         elif code in LESSER:
             side = piece(x[1] - x[0])
-            held = ca.SX(side) if code in ORDERED else x[side == (code == ca.OP_FMAX)]
+            above, below = x[::-1] if code == ca.OP_FMAX else x
+            held = side if code in ORDERED else ca.if_else(side, above, below)
         elif code == LINEAR_TABLE and (points := read_table(node.function)[0]).size > 2:
             y, k = read_table(node.function)[1][:, node.nonzero], piece(x[0], points[1:-1])
-            slope = (y[k + 1] - y[k]) / (points[k + 1] - points[k])
-            held = y[k] + (x[0] - points[k]) * slope
+            slopes, on = np.diff(y) / np.diff(points), ca.SX(np.arange(y.size - 1.0)) == k
+            first, low, slope = (ca.dot(on, ca.DM(c)) for c in (points[:-1], y[:-1], slopes))
+            held = low + (x[0] - first) * slope
         else:
             known = False
         known &= not rates

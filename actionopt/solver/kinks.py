@@ -36,9 +36,9 @@ from actionopt.tools.types import NDInt
 
 # Kinks beyond which a path is sought as one of several laws at once, such as those of a table, and
 # how well the path is known from which these are read. Measured: a table of 60 points takes .6 to
-# 1.8 s for 2 to 15 s and more, one of 120 with 52 crossings 5 s.
+# 1.8 s for 2 to 15 s and more, one of 120 with 46 crossings 4 s, of 300 with 116 15 s.
 MANY, ROUGHLY_KNOWN = 16, 1e-2
-MOST_CROSSINGS = 64  # of a path that is sought; ad hoc
+MOST_CROSSINGS = 128  # of a path that is sought; ad hoc
 CROSSING_ROUNDS = 6  # rounds in which the crossings of an answer are taken for the next; ad hoc
 TOGETHER = 1e-9  # of the duration: kinks nearer to one another are passed as one; ad hoc
 
@@ -123,11 +123,11 @@ def crossings(
 def _jumps(branches: Branches, problem: Problem, solution: Solution, pieces: NDInt) -> bool:
     """Return whether L jumps where a path passes from one law to the next: it is no answer then."""
     given = problem.parameters
-    for event, row in zip(solution.problem.through, pairwise(pieces.tolist()), strict=True):
-        assert event.t is not None
-        q, v = solution(event.t), solution.velocity(event.t)
+    times = [event.t for event in solution.problem.through if event.t is not None]
+    states = zip(times, solution(times).T, solution.velocity(times).T, strict=True)
+    for (t, q, v), row in zip(states, pairwise(pieces.tolist()), strict=True):
         before, after = (
-            float(branches.law(one).lagrangian(q, v, event.t, parameters=given)) for one in row
+            float(branches.law(one).lagrangian(q, v, t, parameters=given)) for one in row
         )
         if abs(after - before) > CONTINUOUS * max(abs(before), abs(after)):
             return True
