@@ -328,7 +328,7 @@ class Laws:
             with self.lock:
                 if name not in self._pointwise:
                     with deriving("laws that CasADi differentiates"):
-                        inputs, outputs = getattr(self, f"_build_{name}")()
+                        inputs, outputs = self._build(name)
                     self._pointwise[name] = self._evaluator(name, inputs, outputs)
                 found = self._pointwise[name]
         return found
@@ -358,48 +358,13 @@ class Laws:
         s = self.symbols
         return [s.q, s.v, s.t, s.p]
 
-    def _build_value(self):
-        return self._arguments, [self.L]
-
-    def _build_length(self):
-        return self._arguments, [self.F]
-
-    def _build_first(self):
-        d = self.derivatives
-        return self._arguments, [_dense(d.Lq), _dense(d.Lv), self.L]
-
-    def _build_slopes(self):
-        d = self.derivatives
-        return self._arguments, [_dense(d.Lq), _dense(d.Lv)]
-
-    def _build_rate(self):
-        return self._arguments, [_dense(ca.jacobian(self.L, self.symbols.t))]
-
-    def _build_balance(self):
-        return self._arguments, [*self._build_first()[1], *self._build_rate()[1]]
-
-    def _build_second(self):
-        d = self.derivatives
-        return self._arguments, [d.Lqq, d.Lqv, d.Lvv]
-
-    def _build_force(self):
-        return self._arguments, [self.Q]
-
-    def _build_force_jacobian(self):
-        s = self.symbols
-        return self._arguments, [ca.jacobian(self.Q, s.q), ca.jacobian(self.Q, s.v)]
-
-    def _build_constraint(self):
-        s = self.symbols
-        return [self.place, s.t, s.p], [self.f]
-
-    def _build_constraint_jacobian(self):
-        s = self.symbols
-        return [self.place, s.t, s.p], [self.derivatives.G, self.f]  # as a rule both are wanted
-
-    def _build_constraint_rate(self):
-        s = self.symbols
-        return [self.place, s.t, s.p], [_dense(ca.jacobian(self.f, s.t))]
+    def _build(self, name: str) -> tuple[list[ca.SX], list[ca.SX]]:
+        """Return the arguments and the outputs of a function."""
+        if name in OF_STATE:
+            return self._arguments, OF_STATE[name](self)
+        if name in OF_PLACE:
+            return [self.place, self.symbols.t, self.symbols.p], OF_PLACE[name](self)
+        return getattr(self, f"_build_{name}")()
 
     def _build_normal_rate(self):
         s = self.symbols
@@ -419,17 +384,6 @@ class Laws:
         lam = ca.SX.sym("lam", self.m)
         curvature, _ = ca.hessian(ca.dot(lam, self.f), self.place)
         return [self.place, lam, s.t, s.p], [ca.triu(curvature)]
-
-    def _build_energy(self):
-        return self._arguments, [ca.dot(self.symbols.v, self.derivatives.Lv) - self.L]
-
-    def _build_motion(self):
-        M, bias, G, gamma = self.motion
-        return self._arguments, [_dense(x) for x in (M, bias, G, gamma)]
-
-    def _build_even_motion(self):
-        M, bias, _, _ = self.motion
-        return self._arguments, [_dense(ca.diag(M)), _dense(bias)]
 
     def _build_constrained_motion(self):
         M, bias, G, gamma = self.motion
@@ -483,3 +437,25 @@ def _may_hide(law: Tape) -> bool:
 
 def _dense(expression: ca.SX) -> ca.SX:
     return expression if expression.is_dense() else ca.densify(expression)
+
+
+# Outputs of functions of (q, v, t, p), and of (q, t, p).
+OF_STATE: dict[str, Callable[[Any], list[ca.SX]]] = {
+    "value": lambda x: [x.L],
+    "length": lambda x: [x.F],
+    "first": lambda x: [_dense(x.derivatives.Lq), _dense(x.derivatives.Lv), x.L],
+    "slopes": lambda x: [_dense(x.derivatives.Lq), _dense(x.derivatives.Lv)],
+    "rate": lambda x: [_dense(ca.jacobian(x.L, x.symbols.t))],
+    "balance": lambda x: [*OF_STATE["first"](x), *OF_STATE["rate"](x)],
+    "second": lambda x: [x.derivatives.Lqq, x.derivatives.Lqv, x.derivatives.Lvv],
+    "force": lambda x: [x.Q],
+    "force_jacobian": lambda x: [ca.jacobian(x.Q, y) for y in (x.symbols.q, x.symbols.v)],
+    "energy": lambda x: [ca.dot(x.symbols.v, x.derivatives.Lv) - x.L],
+    "motion": lambda x: [_dense(y) for y in x.motion],
+    "even_motion": lambda x: [_dense(ca.diag(x.motion[0])), _dense(x.motion[1])],
+}
+OF_PLACE: dict[str, Callable[[Any], list[ca.SX]]] = {
+    "constraint": lambda x: [x.f],
+    "constraint_jacobian": lambda x: [x.derivatives.G, x.f],  # as a rule both are wanted
+    "constraint_rate": lambda x: [_dense(ca.jacobian(x.f, x.symbols.t))],
+}
