@@ -194,39 +194,30 @@ class _Solver:
 
     def __init__(self, principle: Principle, bound: Transcription | _Given) -> None:
         self.bound: Any = bound  # a `_Given` has what a least path needs
-        layout = bound.layout
-        added = bound.added if isinstance(bound, _Given) else 0
-        size, rows = (
-            (layout.unknowns, layout.rows + added)
-            if principle != "stationary"
-            else (layout.size, layout.size)
-        )
+        layout, dense = bound.layout, ca.Sparsity.dense
+        if principle == "stationary":
+            size = rows = layout.size
+            J, H = layout.kkt.sparsity, ca.Sparsity(size, size)
+            functions = (self._root, self._root_gradient, self._root_rows, self._root_hessian)
+        else:
+            size, rows, H = layout.unknowns, layout.rows, layout.hessian.sparsity
+            J = layout.jacobian.sparsity if rows else ca.Sparsity(0, size)
+            if isinstance(bound, _Given):
+                rows, J = rows + bound.added, bound.sparsity
+            functions = (self._least, self._least_gradient, self._least_rows, self._least_hessian)
         self.rows = rows
-        dense = ca.Sparsity.dense
         x, p = ("x", dense(size)), ("p", ca.Sparsity(0, 0))
         lam = [("lam_f", dense(1)), ("lam_g", dense(rows))]
         f, g, grad = ("f", dense(1)), ("g", dense(rows)), ("grad_f_x", dense(size))
-        if principle != "stationary":
-            J = layout.jacobian.sparsity if rows > added else ca.Sparsity(0, size)
-            J = bound.sparsity if isinstance(bound, _Given) else J
-            H = layout.hessian.sparsity
-            functions = (self._least, self._least_gradient, self._least_rows, self._least_hessian)
-        else:
-            J, H = layout.kkt.sparsity, ca.Sparsity(size, size)
-            functions = (self._root, self._root_gradient, self._root_rows, self._root_hessian)
+        shapes = (
+            ("nlp", [x, p], [f, g]),
+            ("nlp_grad_f", [x, p], [f, grad]),
+            ("nlp_jac_g", [x, p], [g, ("jac_g_x", J)]),
+            ("nlp_hess_l", [x, p, *lam], [("triu_hess_gamma_x_x", H)]),
+        )
         self.raised: list[BaseException] = []  # shared by the functions
-        self.functions = [
-            _Function("nlp", [x, p], [f, g], functions[0], self.raised),
-            _Function("nlp_grad_f", [x, p], [f, grad], functions[1], self.raised),
-            _Function("nlp_jac_g", [x, p], [g, ("jac_g_x", J)], functions[2], self.raised),
-            _Function(
-                "nlp_hess_l",
-                [x, p, *lam],
-                [("triu_hess_gamma_x_x", H)],
-                functions[3],
-                self.raised,
-            ),
-        ]
+        pairs = zip(shapes, functions, strict=True)
+        self.functions = [_Function(*shape, known, self.raised) for shape, known in pairs]
         options: dict[str, Any] = {
             **OPTIONS,
             "ipopt.max_iter": IPOPT_ITERATIONS[principle] // (1 if size <= IPOPT_SIZE else 2),
