@@ -360,10 +360,10 @@ class Laws:
 
     def _build(self, name: str) -> tuple[list[ca.SX], list[ca.SX]]:
         """Return the arguments and the outputs of a function."""
-        if name in OF_STATE:
-            return self._arguments, OF_STATE[name](self)
-        if name in OF_PLACE:
-            return [self.place, self.symbols.t, self.symbols.p], OF_PLACE[name](self)
+        if name in STATE_OUTPUTS:
+            return self._arguments, STATE_OUTPUTS[name](self)
+        if name in PLACE_OUTPUTS:
+            return [self.place, self.symbols.t, self.symbols.p], PLACE_OUTPUTS[name](self)
         return getattr(self, f"_build_{name}")()
 
     def _build_normal_rate(self):
@@ -440,13 +440,13 @@ def _dense(expression: ca.SX) -> ca.SX:
 
 
 # Outputs of functions of (q, v, t, p), and of (q, t, p).
-OF_STATE: dict[str, Callable[[Any], list[ca.SX]]] = {
+STATE_OUTPUTS: dict[str, Callable[[Any], list[ca.SX]]] = {
     "value": lambda x: [x.L],
     "length": lambda x: [x.F],
     "first": lambda x: [_dense(x.derivatives.Lq), _dense(x.derivatives.Lv), x.L],
     "slopes": lambda x: [_dense(x.derivatives.Lq), _dense(x.derivatives.Lv)],
     "rate": lambda x: [_dense(ca.jacobian(x.L, x.symbols.t))],
-    "balance": lambda x: [*OF_STATE["first"](x), *OF_STATE["rate"](x)],
+    "balance": lambda x: [*STATE_OUTPUTS["first"](x), *STATE_OUTPUTS["rate"](x)],
     "second": lambda x: [x.derivatives.Lqq, x.derivatives.Lqv, x.derivatives.Lvv],
     "force": lambda x: [x.Q],
     "force_jacobian": lambda x: [ca.jacobian(x.Q, y) for y in (x.symbols.q, x.symbols.v)],
@@ -454,7 +454,7 @@ OF_STATE: dict[str, Callable[[Any], list[ca.SX]]] = {
     "motion": lambda x: [_dense(y) for y in x.motion],
     "even_motion": lambda x: [_dense(ca.diag(x.motion[0])), _dense(x.motion[1])],
 }
-OF_PLACE: dict[str, Callable[[Any], list[ca.SX]]] = {
+PLACE_OUTPUTS: dict[str, Callable[[Any], list[ca.SX]]] = {
     "constraint": lambda x: [x.f],
     "constraint_jacobian": lambda x: [x.derivatives.G, x.f],  # as a rule both are wanted
     "constraint_rate": lambda x: [_dense(ca.jacobian(x.f, x.symbols.t))],
