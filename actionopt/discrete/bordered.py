@@ -117,7 +117,8 @@ class Bordered:
         problem = asked.loose.found_at(times, kappa=kappa)
         tr = Transcription(problem, path.mesh, lengths, like=like)
         at = DiscretePath(tr, tr.pack(path.values.T, lam))
-        return cls.beside(asked, at, moves, along, times)
+        with np.errstate(all="ignore"):  # L may be infinite on the path
+            return cls.beside(asked, at, moves, along, times)
 
     @classmethod
     def beside(
