@@ -17,8 +17,9 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from actionopt import Event, Mesh, Problem, Solution, State, System, integrate, scenes, solve
+from actionopt.analysis import compare as compare_module
 from actionopt.analysis import picard
-from actionopt.analysis.compare import KINK_CUT, _Parts, compare
+from actionopt.analysis.compare import KINK_CUT, _Parts, compare, is_motion
 from actionopt.analysis.flow import Flow
 
 ACCURATE = 3e-11  # what forward integration makes of these motions, as its own tests say
@@ -306,6 +307,14 @@ class Claim(Exact):
 
     def __getattr__(self, name):
         return getattr(self.solution, name)
+
+
+def test_one_run_confirms_a_motion_and_nothing_else(monkeypatch):
+    solution = solve(scenes.get("pendulum").problem)
+    wrong = Claim(solution, lambda t: (1.001 * solution(t), solution.velocity(t)))
+    assert is_motion(wrong) is False
+    monkeypatch.setattr(compare_module, "compare", None)
+    assert is_motion(solution) is True
 
 
 def solved(system, exact, t0, t1, **options):

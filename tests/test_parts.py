@@ -19,7 +19,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.families import all_paths, budget, searches, vary
+from actionopt.families import all_paths, budget, searches, vary, velocity_scan
 from actionopt.families.path_store import PackedPaths
 from actionopt.families.retry import retry_of
 from actionopt.mechanics import written as written_laws
@@ -492,20 +492,23 @@ def test_a_curve_goes_on_in_the_direction_it_came_from():
         assert way.direction == pytest.approx(slope / norm)
 
 
-def test_velocities_between_which_the_end_is_passed_are_halved(monkeypatch):
-    search: Any = object.__new__(searches.Answers)
-    ends = [
-        fake(turns=(k,), problem=fake(end=fake(q=[q], t=1.0))) for k, q in enumerate((0.0, 3.0))
-    ]
-    problem = fake(system=fake(m=0), lengths=np.ones(1))
-    vars(search).update(problem=problem, classes=ends, tell=lambda *_: None, far=np.ones(1))
-    monkeypatch.setattr(searches, "directions", lambda problem, q, t: np.eye(1))
-    search._arrivals = lambda classes, v0: zip(classes, v0[0], strict=True)
-    monkeypatch.setattr(searches, "shoot", lambda problem, v0: v0**2 - 1)
-    found = [(c.turns[0], v) for c, v in search._bracket(np.linspace(-3.05, 3.0, 21)[None])]
-    assert [k for k, _ in found] == [0, 0, 1, 1]
-    np.testing.assert_allclose([v for _, v in found], [-1.0, 1.0, -2.0, 2.0], atol=1e-3)
-    assert not list(search._bracket(np.linspace(4.0, 5.0, 3)[None]))
+def test_a_scan_finds_all_velocities_at_which_motions_arrive(monkeypatch):
+    problem: Any = fake(system=fake(m=0), lengths=np.ones(1), end=fake(t=1.0))
+    monkeypatch.setattr(velocity_scan, "directions", lambda problem, q, t: np.eye(1))
+    even = np.linspace(-3.05, 3.0, 21)[None]
+    monkeypatch.setattr(velocity_scan, "_grid", lambda problem, far, count: even)
+    monkeypatch.setattr(velocity_scan, "_ends", lambda problem, v: v**2 - 1)
+    goals = np.array([[0.0, 3.0, -1 + 1e-4, -1.01]])  # the third nearly at the least end
+    v, which, sampled, known = velocity_scan.scan(problem, np.ones(1), goals, 21)
+    assert which.tolist() == [0, 0, 1, 1, 2, 2] and known
+    np.testing.assert_allclose(v[0] ** 2 - 1, goals[0, which], atol=4e-3)
+    assert np.sign(v[0]).tolist() == [-1, 1] * 3
+    assert 21 < sampled < 21 + 2 * 2 * 32
+    fast = lambda problem, v: np.where(np.abs(v) > 1.5, np.nan, np.sin(12 * v))  # noqa: E731
+    monkeypatch.setattr(velocity_scan, "_ends", fast)
+    v, _, _, known = velocity_scan.scan(problem, np.ones(1), np.zeros((1, 1)), 21)
+    assert not known  # some of them cannot be followed
+    assert np.diff(v[0]) == pytest.approx(np.pi / 12, abs=1e-3)  # none is passed over
 
 
 def test_an_end_is_of_the_class_of_its_turns():
@@ -780,7 +783,6 @@ def test_forward_motions_are_tried_where_ends_are_given(monkeypatch):
         problem = fake(system=system, start=whole, end=fake(pinned=tuple(range(n))))
         made = fake(problem=problem, closed=closed, seed=0, far=None, found=list(found))
         made._close = lambda shots: iter(["close"])
-        made._bracket = lambda v: iter([("bracket", v)])
         made._aim = lambda v: iter([("aim", v)])
         return made
 
@@ -791,16 +793,15 @@ def test_forward_motions_are_tried_where_ends_are_given(monkeypatch):
     )
     shots: Any = searches.Answers._forward_shots
     assert list(shots(search(closed=True), 4)) == ["close"]
-    for nothing in (search(pinned=1), search(freedom=0)):
+    for nothing in (search(pinned=1), search(freedom=0), search(n=1, pinned=1, freedom=1)):
         assert not list(shots(nothing, 9))
     assert not list(shots(search(), 3))
-    ((how, v0),) = shots(search(n=1, pinned=1, freedom=1), 5)
-    assert (how, v0.size) == ("bracket", 20)
     known = [(fake(start=fake(v=np.array([3.0, 4.0]))), (), "")]
     made = search(found=known)
     tried = list(shots(made, 5))
-    assert len(tried) == 1 + searches.FRUITLESS_BATCHES
+    assert len(tried) == 3  # two batches that find nothing end it
     assert speeds[0].min() >= 4.0
+    assert [x.size for x in speeds] == [5, searches.LAST_SHOTS * 5]
     assert np.ptp(speeds[0]) == pytest.approx(2.0)
     speeds.clear()
     made = search()

@@ -146,7 +146,7 @@ class Flow:
 
         Raises ValueError if the equations of motion cannot be solved there.
         """
-        rows = self._equilibrate(state)
+        rows = self.equilibrate(state)
         a = self.system.acceleration(state.q, state.v, state.t, parameters=self.parameters)
         if not np.all(np.isfinite(a)):
             raise ValueError(
@@ -171,7 +171,7 @@ class Flow:
         change = np.sort(np.nan_to_num(np.abs(a[:, t.size :] - a[:, : t.size]), posinf=0.0))
         return change[:, int(NOISE_QUANTILE * (t.size - 1))]
 
-    def _equilibrate(self, state: State) -> Array:
+    def equilibrate(self, state: State) -> Array:
         """Return r so that diag(r) K diag(r) has rows of size one, K the index-1 matrix."""
         n, m = self.system.n, self.system.m
         M = self.system.mass_matrix(state.q, state.v, state.t, parameters=self.parameters)

@@ -348,7 +348,7 @@ def _look_ahead(
     """Integrate to a local tolerance, leg by leg, until the units are those of the motion."""
     s = np.linspace(0.0, 1.0, SIZE_SAMPLES)
     spans = [span_within(times[0], times[-1]) for times, _ in legs]
-    runs = [flow.integrator(s[1:], local, _longest(times)) for times, _ in legs]
+    runs = [flow.integrator(s[1:], local, longest_step(times)) for times, _ in legs]
     places = [
         np.append(times[0] + s[:-1] * span, times[-1])
         for (times, _), span in zip(legs, spans, strict=True)
@@ -383,7 +383,7 @@ def _look_ahead(
     return _Rough(own, steps, ends, noises, lengths, sorted(instants))
 
 
-def _longest(times: Array) -> float:
+def longest_step(times: Array) -> float:
     """Return a part of a leg that passes over none of its elements."""
     lengths = np.abs(np.diff(times))
     return float(min(max(lengths.min() / lengths.sum(), NARROWEST_PART), CVODES_LONGEST))
@@ -461,7 +461,7 @@ class _Resolve:
         units, local = self.seen.within(
             (times[0] + times[-1]) / 2, max(LOCAL_SHARE * self.tol, FINEST_LOCAL)
         )
-        leg = Leg(times, degrees, units, local, _longest(times))
+        leg = Leg(times, degrees, units, local, longest_step(times))
         short = NARROWEST_PART * self.duration if self.kinks else 0.0
         apart = DISTINCT_TIMES * np.spacing(np.max(np.abs(times)))
         goal = max(self.tol, 200 * leg.local)

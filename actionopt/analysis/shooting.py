@@ -50,17 +50,24 @@ def shoot(problem: Problem, v0: Array) -> Array:
 
 
 def fly(
-    problem: Problem, q0: Array, v0: Array, track: list | None = None, watch: Watch | None = None
+    problem: Problem,
+    q0: Array,
+    v0: Array,
+    track: list | None = None,
+    watch: Watch | None = None,
+    *,
+    patient: bool = False,
 ) -> tuple[Array, Array]:
     """Return coordinates and velocities at the end of motions from q0 and v0, all (n, G, K).
 
     K motions in groups of G that share their steps, so that differences within a group are
     smooth. NaN where a motion does not stay finite. `track` receives (times (K,), q, v (n, K))
-    of the first of each group after every step.
+    of the first of each group after every step. What takes far longer than half of the others is
+    given up, but where `patient`: motions of unlike speeds do.
     """
     t0, T = np.full(v0.shape[2], problem.start.t), np.full(v0.shape[2], problem.duration)
     look = watch and watch.look
-    return integrate(problem, (t0, q0, v0), T, track=track, watch=look)
+    return integrate(problem, (t0, q0, v0), T, track=track, watch=look, patient=patient)
 
 
 def integrate(
@@ -72,6 +79,7 @@ def integrate(
     steps: int = MOTION_STEPS,
     track: list | None = None,
     watch: Callable[[int], None] | None = None,
+    patient: bool = False,
 ) -> tuple[Array, Array]:
     """Return (q, v) of motions after the times `span` (K,), back in time where it is negative.
 
@@ -95,7 +103,8 @@ def integrate(
             check_time()
             if watch is not None:
                 watch(done)
-            if track is None and live.size <= count / 2 and patience == steps:
+            hurried = track is None and not patient
+            if hurried and live.size <= count / 2 and patience == steps:
                 # What takes far longer than half of them is too close to a singularity.
                 patience = min(steps, 3 * done + 20)
             y, forth = np.stack([q[:, :, live], v[:, :, live]]), way[live]
@@ -134,7 +143,7 @@ def integrate(
 def _acceleration(problem: Problem, q: Array, v: Array, t: Array) -> Array:
     """Return the accelerations (n, G, K) at q and v, each (n, G, K), and times t (K,)."""
     system, shape, n = problem.system, q.shape, len(q)
-    times = t if shape[1] == 1 else np.broadcast_to(t, shape[1:]).reshape(-1)
+    times = np.concatenate([t] * (q[0].size // t.size))
     state = q.reshape(n, -1).T, v.reshape(n, -1).T, times[:, None], problem.packed
     if not system.m and system.has_diagonal_mass:
         mass, bias = system.pointwise("even_motion")(*state)
@@ -322,13 +331,15 @@ def _newton(x: Array, basis: Array, gap) -> tuple[Array, NDInt]:
         size = np.linalg.norm(gaps[:, 0], axis=0)
         good = np.isfinite(size) & (size < miss[active]) & np.isfinite(J).all(axis=(0, 1))
         part[active] = np.where(good, np.minimum(1.0, 2 * part[active]), part[active] / 4)
-        for i in np.flatnonzero(good):
-            k = active[i]
-            best[:, k], miss[k] = trial[:, k], size[i]
-            change = -basis @ np.linalg.lstsq(J[:, :, i], gaps[:, 0, i], rcond=1e-12)[0]
-            # No farther at once than half the velocity itself: the trials should not collapse.
-            long = np.linalg.norm(change) / max(float(np.linalg.norm(best[:, k])), 1e-300)
-            step[:, k] = change / max(1.0, 2 * long)
+        k = active[good]
+        best[:, k], miss[k] = trial[:, k], size[good]
+        inverse = np.linalg.pinv(J[:, :, good].transpose(2, 0, 1), rcond=1e-12)
+        change = -basis @ np.einsum("Arm,mA->rA", inverse, gaps[:, 0, good])
+        # No farther at once than half the velocity itself: the trials should not collapse.
+        long = np.linalg.norm(change, axis=0) / np.maximum(
+            np.linalg.norm(best[:, k], axis=0), 1e-300
+        )
+        step[:, k] = change / np.maximum(1.0, 2 * long)
         trial = best + part * step
         active = np.flatnonzero((miss > ARRIVAL_TOL / 10) & (part > 1e-3))
         if not active.size:

@@ -1,10 +1,11 @@
 """All the paths between two events, as far as they can be found.
 
-Stationary paths are sought in every way at hand: least paths from several coarse starts, forward
-motions in all directions aimed at the second event, Newton's method that keeps away from what is
-known, and continuation of every path found through folds in the end time, where paths appear in
-pairs. Each is then solved to the tolerance and compared with the forward motion from its own
-start. No search of this kind proves that nothing is left.
+Of one degree of freedom they are the roots of a function of the initial velocity. Others are sought
+in every way at hand: least paths from several coarse starts, forward motions in all directions
+aimed at the second event, Newton's method that keeps away from what is known, and continuation of
+every path found through folds in the end time, where paths appear in pairs. Each is then solved to
+the tolerance and compared with the forward motion from its own start. No search of this kind proves
+that nothing is left.
 """
 
 from __future__ import annotations
@@ -200,8 +201,10 @@ def solve_all(
     starts : int
         Curves, in each class of windings, from which least and deflated solves start.
     shots : int
-        Forward motions in a batch; for one degree of freedom there is one, else batches are
-        repeated until four in a row have found nothing new.
+        Forward motions in a batch; batches are repeated until one has found nothing new, and one
+        three times as large has not, either. For one degree of freedom ten times as many, and more
+        where they do not resolve where motions end; where all can be followed, no paths are sought
+        by `starts` and `continuations`.
     continuations : int
         Most paths to be followed through folds.
     seed : int

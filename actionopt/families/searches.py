@@ -9,7 +9,7 @@ is compared with what is known and with the forward motion from its own start, o
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
@@ -17,15 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from actionopt.analysis.compare import is_motion
 from actionopt.analysis.flow import IntegrationError
 from actionopt.analysis.shooting import (
-    ARRIVAL_TOL,
     aim,
     close,
-    directions,
     in_directions,
     motions,
-    on_constraints,
     shoot,
     speeds,
     velocities,
@@ -44,6 +42,7 @@ from actionopt.families.free_times import first_paths, is_first
 from actionopt.families.obstacle_search import curves
 from actionopt.families.surface_search import points
 from actionopt.families.trace import trace
+from actionopt.families.velocity_scan import scan
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.between import Choices
 from actionopt.solver.first_contacts import other_sides
@@ -67,12 +66,14 @@ SAME_COARSE_PATH = 1e-3
 SAME_VELOCITY = 1e-3
 SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the same
 FAMILY_REACH = 1e6  # what goes farther does so by round-off alone
-VELOCITY_DIVISIONS, VELOCITY_PARTS = 5, 32  # most, 2^25: as good as single precision
-FAR_SIDE = 0.1  # of the sizes, by which ends of motions that were bisected miss where none arrives
 CONTINUATION_TOL = 1e-5  # of paths on the way to another
-SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
+# Most points on that way. Those to another path had 78 at most, and to a new one 33, on questions
+# of two and three coordinates; what runs away took all of 300, in 50 times the time.
+CONTINUATION_STEPS = 80
+# Most batches of shots; and after one that found nothing so many at once, which take hardly longer,
+# and end the search if they find nothing either.
+SHOT_BATCHES, LAST_SHOTS = 20, 3
 FOR_EACH_EVENT, MOST_EVENTS = 20, 2  # first paths a start and event; ad hoc
-FASTER_OCTAVES = 3  # most, of speeds of one degree of freedom: there may be faster ones without end
 CLOSED_BATCHES = 3  # most for closed paths: there may be larger and larger ones without end
 CLOSED_REACH = 4.0  # largest motions tried for closed paths, in the size of those that are known
 # Classes of turns in which paths are sought, those of fewest turns: w turns of n angles have
@@ -145,7 +146,8 @@ class Answers:
     tried: Counter[str] = field(default_factory=Counter)
     rejected: int = 0
     interrupted: bool = False
-    fastest: Array | None = None  # velocity (n,) of the first motions of one degree of freedom
+    scanned: bool = False  # whether all velocities of one degree of freedom were tried
+    samples: dict[int, Array] = field(default_factory=dict)  # of what is kept, by its id
     last: Solution | None = None  # what the last start led to, or what that repeats
 
     def __post_init__(self) -> None:
@@ -189,7 +191,12 @@ class Answers:
         elif self.problem.free_time:
             yield from self._of_the_energy(shots)
         else:
-            yield from self._straight()
+            if self._is_scanned(shots):
+                yield from self._straight(self.classes[:1])
+                yield from self._scan(shots)
+                if self.scanned:
+                    return
+            yield from self._straight(self.classes)
             if not self.linear:
                 yield from self._least(starts)
                 # Velocities alone start a motion, which passes no places that are given.
@@ -197,7 +204,6 @@ class Answers:
                     yield from self._forward_shots(shots)
                 yield from self._deflate(starts)
                 yield from self._folds(continuations)
-                yield from self._faster_shots(shots)
 
     def _to_all_sides(self, starts: int) -> Iterator[Start]:
         """Yield curves past the obstacle on all of its sides."""
@@ -244,10 +250,10 @@ class Answers:
 
     # -- between given events ----------------------------------------------------------------------
 
-    def _straight(self) -> Iterator[Start]:
+    def _straight(self, classes: Sequence[Winding]) -> Iterator[Start]:
         """Yield the straight lines: what `solve` begins with."""
-        for k, c in enumerate(self.classes):
-            self.tell("straight line", k, len(self.classes), "straight lines")
+        for k, c in enumerate(classes):
+            self.tell("straight line", k, len(classes), "straight lines")
             yield Start(c, None, "a straight line")
             if self.last and not (self.problem.start.pinned or self.problem.end.pinned):
                 self._resize(c, self.last)
@@ -277,15 +283,10 @@ class Answers:
             return
         if any(len(e.pinned) < n for e in events):
             return
-        if self.problem.system.degrees_of_freedom == 0:
+        if self.problem.system.degrees_of_freedom < 2:  # `_scan` has shot
             return
         rng, far = np.random.default_rng(self.seed), self.far
-        if self.problem.system.degrees_of_freedom == 1:
-            v0 = velocities(self.problem, far, 4 * shots, rng)
-            self.fastest = v0[:, -1]
-            yield from self._bracket(v0)
-            return
-        fastest, dry = 0.0, 0
+        fastest, fruitless = 0.0, False
         if (
             self.problem.system.m
         ):  # no angle tells turns: on a closed surface ever faster ones arrive
@@ -294,27 +295,30 @@ class Answers:
             fastest = 1.2 * rates.max() * float(np.linalg.norm(units))
         yield from self._aim(velocities(self.problem, far, shots, rng))
         for _ in range(SHOT_BATCHES):  # with speeds like those of the paths that are known by now
-            before = len(self.found)
+            before, count = len(self.found), LAST_SHOTS * shots if fruitless else shots
             known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
-            speed = np.linspace(0.8 * min(known), fastest or 1.2 * max(known), shots)
+            speed = np.linspace(0.8 * min(known), fastest or 1.2 * max(known), count)
             speed += rng.random() * (speed[1] - speed[0])
             yield from self._aim(in_directions(self.problem, speed[None], rng))
-            dry = dry + 1 if len(self.found) == before else 0
-            if dry == FRUITLESS_BATCHES:
+            if fruitless and len(self.found) == before:
                 break
+            fruitless = len(self.found) == before
 
-    def _faster_shots(self, shots: int) -> Iterator[Start]:
-        """Yield motions of one degree of freedom some octaves faster than the first ones.
+    def _is_scanned(self, shots: int) -> bool:
+        """Whether one number, the initial velocity, tells all paths."""
+        problem, n = self.problem, self.problem.system.n
+        given = len(problem.start.pinned) == len(problem.end.pinned) == n
+        one = problem.system.degrees_of_freedom == 1 and problem.system.order == 1
+        plain = not (self.linear or self.closed or problem.through)
+        return shots >= 4 and given and one and plain
 
-        These are as fast as forces between the events suggest; beyond, forces may be stronger.
-        """
-        if self.fastest is None:
-            return
-        v0 = self.fastest[:, None] * np.linspace(1.0, 2.0, shots)
-        for _ in range(FASTER_OCTAVES):
-            for way in (v0, -v0):
-                yield from self._bracket(on_constraints(self.problem, way))
-            v0 = 2 * v0
+    def _scan(self, shots: int) -> Iterator[Start]:
+        """Yield the motions of one degree of freedom that arrive, of all velocities."""
+        self.tell("shots", 0, 4 * shots)
+        goals = np.array([c.problem.end.q for c in self.classes], dtype=float).T
+        v0, which, sampled, self.scanned = scan(self.problem, self.far, goals, 4 * shots)
+        self.tried["forward shots"] += sampled
+        yield from self._arrivals([self.classes[k] for k in which], v0)
 
     def _close(self, shots: int) -> Iterator[Start]:
         """Yield forward motions, changed until they close."""
@@ -369,51 +373,6 @@ class Answers:
         v0, arrived = aim(self.problem, v0[:, usable], goals)
         yield from self._arrivals([targets[i] for i in arrived], v0)
 
-    def _bracket(self, v0: Array) -> Iterator[Start]:
-        """Yield motions at all changes of sign of the miss at the end, for one degree of freedom.
-
-        The velocities v0 (n, K) are in order; the miss is that along the tangent at the end.
-        """
-        self.tell("shots", 0, v0.shape[1], "forward shots", v0.shape[1])
-        ends = shoot(self.problem, v0[:, None])[:, 0]
-        classes, rows = [], []
-        for c in self.classes:
-            goal = np.array([x or 0.0 for x in c.problem.end.q], dtype=float)
-            along = directions(c.problem, goal, c.problem.end.t)[:, 0]
-            miss = along @ (ends - goal[:, None])
-            at = np.flatnonzero(miss[:-1] * miss[1:] <= 0)
-            classes += [c] * at.size
-            sides = (along * x for x in miss[at])
-            rows += [(v0[:, i], v0[:, i + 1], ends[:, i], ends[:, i + 1], goal, side)
-                     for i, side in zip(at, sides, strict=True)]  # fmt: skip
-        if not rows:
-            return
-        low, high, *ends, goals, sides = np.array(rows).transpose(1, 2, 0)
-        miss = np.stack([np.sum(sides * (q - goals), axis=0) for q in ends])
-        size = np.maximum(self.problem.lengths, self.far)[:, None]
-        linear = ARRIVAL_TOL * np.linalg.norm(sides * size, axis=0)
-        inner = np.arange(1, VELOCITY_PARTS) / VELOCITY_PARTS
-        for _ in range(VELOCITY_DIVISIONS):  # a hundred motions take hardly longer than one
-            wide = np.flatnonzero(~(miss[0] - miss[1] < linear))
-            if not wide.size:
-                break
-            step = (high - low)[:, wide] / VELOCITY_PARTS
-            v = low[:, None, wide] + (high - low)[:, None, wide] * inner[:, None]
-            q = shoot(self.problem, v.reshape(len(v), 1, -1))[:, 0].reshape(v.shape)
-            between = np.sum(sides[:, None, wide] * (q - goals[:, None, wide]), axis=0)
-            known = np.vstack([miss[0, wide], between, miss[1, wide]])
-            part = np.argmin(known[1:] > 0, axis=0)
-            miss[:, wide] = known[[part, part + 1], np.arange(wide.size)]
-            low[:, wide] += part * step
-            high[:, wide] = low[:, wide] + step
-        part = miss[0] / np.where(miss[0] > miss[1], miss[0] - miss[1], 1.0)
-        v = low + (high - low) * np.where(np.isfinite(part), part, 0.5)
-        kept = np.arange(len(classes))
-        if self.problem.system.m:  # the far side of a closed curve changes the sign as well
-            apart = shoot(self.problem, v[:, None])[:, 0] - goals
-            kept = np.flatnonzero(np.all(np.abs(apart) < FAR_SIDE * size, axis=0))
-        yield from self._arrivals([classes[i] for i in kept], v[:, kept])
-
     def _arrivals(self, classes: list[Winding], v0: Array) -> Iterator[Start]:
         """Yield motions with velocities v0 (n, K) that nearly arrive."""
         size = np.max(np.abs(v0), axis=1, initial=1e-300)
@@ -422,7 +381,8 @@ class Answers:
         chosen = []
         for i, c in enumerate(classes):
             v = v0[:, i]
-            if all(np.max(np.abs(v - w) / size) > SAME_VELOCITY for d, w in known if d is c):
+            near = SAME_VELOCITY * np.max(np.abs(v) / size)
+            if all(np.max(np.abs(v - w) / size) > near for d, w in known if d is c):
                 known.append((c, v))
                 chosen.append(i)
         if not chosen:
@@ -470,7 +430,7 @@ class Answers:
                 if (id(solution), factor) in followed:
                     continue
                 self.tell("continuations", done, min(most, len(self.found)), "continuations")
-                options = {"tol": CONTINUATION_TOL, "count": False}
+                options = {"tol": CONTINUATION_TOL, "count": False, "steps": CONTINUATION_STEPS}
                 try:
                     guess = _coarser(solution.path)
                     branch = trace(c.problem, "t1", t0 + factor * T, guess=guess, **options)
@@ -585,7 +545,7 @@ class Answers:
                 continue
             # One curve passes a place more than once: at which time it does is another answer.
             late = np.abs(times_of(other.problem) - times_of(solution.problem)).max()
-            same = np.max(np.abs(self._apart(self._samples(other), values)) / size) < near
+            same = np.max(np.abs(self._apart(self.samples[id(other)], values)) / size) < near
             if same and not late > near * solution.duration:
                 self.last = other
                 return
@@ -601,6 +561,7 @@ class Answers:
         if not (self.problem.system.r or _is_motion(solution)):
             self.rejected += 1
             return
+        self.samples[id(solution)] = values
         if self.closed and not (self.problem.is_joined or _closes(c, solution)):
             self.kinked.append((solution, c.turns))
             return
@@ -638,8 +599,9 @@ def _is_determined(solution: Solution) -> bool:
 
 def _is_motion(solution: Solution) -> bool:
     """Whether forward integration from the start of a solution does not contradict it."""
+    plain = not (solution.problem.through or solution.problem.system.order > 1)
     try:
-        agrees = solution.compare().agrees
+        agrees = is_motion(solution) if plain else solution.compare().agrees
     except (IntegrationError, ValueError):  # no motion leaves from its start, or none gets far
         return False
     return agrees is None or bool(agrees)
