@@ -880,3 +880,18 @@ def test_a_solution_that_gives_other_velocities_is_a_guess(before, now, action):
 
     found = ao.solve(ask(*now), guess=ao.solve(ask(*before)))
     assert found.action == pytest.approx(action, abs=1e-12)
+
+
+def test_a_coordinate_that_meets_its_own_acceleration_in_l_has_a_path_of_given_energy():
+    """By parts, q a is -v^2 and what the ends tell, where these give q and v."""
+    coupled, plain = (
+        ao.System(law, ["x"])
+        for law in (
+            lambda q, v, a, t: a[0] ** 2 / 2 + 0.3 * q[0] * a[0],
+            lambda q, v, a, t: a[0] ** 2 / 2 - 0.3 * v[0] ** 2,
+        )
+    )
+    ends = ao.Event(0.0, [0.0], v=[1.0]), ao.Event(None, [1.0], v=[0.5])
+    one, other = (ao.solve(ao.Problem(s, *ends, energy=-0.3)) for s in (coupled, plain))
+    assert one.duration == pytest.approx(other.duration, rel=1e-6)
+    assert one.action - other.action == pytest.approx(0.3 * 0.5, abs=1e-6)  # [q v]

@@ -104,7 +104,7 @@ def test_motions_faster_than_forces_between_the_events_suggest():
     quartic = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
     ends = ao.Event(0.0, [0.0]), ao.Event(3.0, [0.0])
     found = solve_all(ao.Problem(quartic, *ends), starts=0, continuations=0)
-    a = 2 * ellipk(0.5) * np.array([1, 2])
+    a = 2 * ellipk(0.5) * np.array([1, 2, 3, 4])
     exact = np.outer([-1, 0, 1], (a / 3) ** 2 / np.sqrt(2)).ravel()
     v0 = np.sort([path.start.v[0] for path in found])
     np.testing.assert_allclose(v0, np.unique(exact), atol=1e-9)
@@ -223,6 +223,26 @@ def test_one_degree_of_freedom_is_scanned_without_other_searches():
     found = solve_all(ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3)), shots=20)
     assert len(found) == 5 and set(found.searched) == {"straight lines", "forward shots"}
     assert found.searched["straight lines"] == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("law", "ends", "duration", "velocities"),
+    [
+        # By runs of another integrator over all velocities up to 8: far beyond what ends suggest.
+        (lambda q, v, t: v[0] ** 2 / 2 - 0.2 * q[0] ** 4, (0.211, 0.486), 3.5,
+         (-3.39, -1.25, 0.17, 0.38, 3.71, 7.58)),
+        # The path lingers on the hill: no velocity that a float can tell arrives by itself.
+        (lambda q, v, t: v[0] ** 2 / 2 - 5 * np.exp(-(((q[0] - 1) / 0.05) ** 2)), (0.0, 0.9), 2.0,
+         (np.sqrt(10),)),
+    ],
+)  # fmt: skip
+def test_a_scan_loses_no_path_that_other_ways_find(law, ends, duration, velocities):
+    q0, q1 = ends
+    system = ao.System(law, ["x"])
+    found = solve_all(ao.Problem(system, ao.Event(0.0, [q0]), ao.Event(duration, [q1])))
+    known = np.array([s.start.v[0] for s in found])
+    assert max(float(np.abs(known - v).min()) for v in velocities) < 0.01
 
 
 @pytest.mark.long

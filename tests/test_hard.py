@@ -135,3 +135,18 @@ def test_a_motion_far_from_the_straight_line_is_found():
     assert applies("meeting", solution.problem)
     assert solution.compare().agrees
     assert miss(solution) < pendulums.MOTION
+
+
+@pytest.mark.long
+def test_a_light_coordinate_does_not_make_a_feature_of_another():
+    """The second coordinate's inertia varies by exp(16); both move apart but for a small bump."""
+    law = ao.System(
+        lambda q, v, t: (
+            (v[0] ** 2 + np.exp(16 * q[1]) * v[1] ** 2) / 2
+            - 0.05 * np.exp(-(((q[0] - 0.37) / 0.05) ** 2))
+        ),
+        ["x", "y"],
+    )
+    found = ao.solve(ao.Problem(law, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0])))
+    # y alone: the path on which exp(8 y) grows evenly.
+    assert found.action == pytest.approx(((np.exp(8) - 1) / 8) ** 2 / 2 + 0.5, rel=1e-6)

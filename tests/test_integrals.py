@@ -673,3 +673,14 @@ def test_multipliers_of_integrals_that_depend_on_one_another_are_not_determined(
     problem = ao.Problem(system, ao.Event(0, [0]), ao.Event(1, [1]), integral=values)
     found = ao.solve(problem, throw=False)
     assert found.status.name == ("SOLVED" if independent else "DEGENERATE")
+
+
+@pytest.mark.parametrize(
+    "step", [lambda t: np.where(t < 0.5, 1, 0), lambda t: np.tanh((t - 0.5) / 1e-4)]
+)
+def test_an_integral_that_steps_in_a_moment_is_not_the_same_for_all_paths(step):
+    """Its Euler-Lagrange equations vanish wherever they are asked for, but in that moment."""
+    free = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], integral=lambda q, v, t: step(t) * v[0])
+    given = (0.8, 0.8) if step(-9.0) == 1 else (0.1, 0.45)  # 1 - 2 x(.5) of the second
+    problem = ao.Problem(free, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]), integral=given[0])
+    assert ao.solve(problem)(0.5)[0] == pytest.approx(given[1], abs=1e-4)

@@ -442,3 +442,19 @@ def test_an_infinite_rate_of_l_at_a_centre_counts_only_where_the_centre_moves():
     assert solution.sensitivity().t1 == pytest.approx(-solution.energy(3.0), rel=1e-7)
     slope = ao.sweep(problem, {"t1": [3.0]}).slopes[0, 0]
     assert slope == pytest.approx(-solution.energy(3.0), rel=1e-7)
+
+
+def test_the_derivative_by_an_exponent_beside_a_smooth_table():
+    angles = np.linspace(-2.0, 2.0, 41)
+    table = ca.interpolant("V", "bspline", [angles], -np.cos(angles))
+
+    def action(k):
+        law = ao.System(
+            lambda q, v, t, *, k: v[0] ** 2 / 2 - table(q[0]) - 0.1 * (1 + q[0] ** 2) ** k,
+            ["x"],
+            parameters={"k": k},
+        )
+        return ao.solve(ao.Problem(law, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), tol=1e-10)
+
+    slope = (action(1.301).action - action(1.299).action) / 0.002
+    assert action(1.3).sensitivity().parameters["k"] == pytest.approx(slope, rel=1e-5)

@@ -112,9 +112,9 @@ def quadrature_defect(
         for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
             momenta[g.elements] -= mine.sum(axis=1)
         if not structure.constant_mass:  # it is a velocity that it gives, by its own inertia
-            mass = np.abs(np.einsum("eii,i->e", inertia(tr, x), tr.lengths**2))
+            mass = np.abs(np.einsum("eii->ei", inertia(tr, x)))  # of each coordinate
             with np.errstate(all="ignore"):
-                momenta *= np.nan_to_num(np.median(mass) / mass, posinf=1.0)[:, None]
+                momenta *= np.nan_to_num(np.fmin(np.median(mass, axis=0) / mass, 1.0), nan=1.0)
         # The unit of action is that of an inertia times a length squared over the duration.
         unit = tr.lengths / tr.action_unit
         if tr.origin is not None:  # as `measured` has it

@@ -21,7 +21,7 @@ from actionopt.tools.types import Array, NDInt
 
 # Ad hoc. Motions some octaves faster than forces between the events suggest: beyond, these may be
 # stronger, and there may be faster ones without end.
-FASTER_OCTAVES = 3
+FASTER_OCTAVES = 5
 # Samples resolve a curve where second differences are a part of its range over some of them, as of
 # an oscillation with nine a period; else there are more between, a few rounds long.
 RESOLVED, SAMPLES_BESIDE, SCAN_ROUNDS = 0.25, 8, 4
@@ -54,11 +54,11 @@ def scan(problem: Problem, far: Array, goals: Array, count: int) -> tuple[Array,
         v, ends, more = _insert(problem, v, ends, near, EXTREMUM_PARTS)
         if not more:
             break
-    found, which = _roots(problem, v, ends, goals, along, size)
+    found, which, sharp = _roots(problem, v, ends, goals, along, size)
     since, until = np.linalg.norm(slow - v[:, :1], axis=0)
     way = np.linalg.norm(v - v[:, :1], axis=0)
     known = np.isfinite(ends[:, (since <= way) & (way <= until)]).all()
-    return found, which, v.shape[1], bool(known)
+    return found, which, v.shape[1], bool(known and not sharp.any())
 
 
 def _grid(problem: Problem, far: Array, count: int) -> Array:
@@ -131,7 +131,7 @@ def _roots(
         rows += [(v0[:, i], v0[:, i + 1], ends[:, i], ends[:, i + 1], goal, direction * miss[i])
                  for i in at]  # fmt: skip
     if not rows:
-        return np.empty((len(v0), 0)), np.empty(0, dtype=int)
+        return np.empty((len(v0), 0)), np.empty(0, dtype=int), np.empty(0, dtype=bool)
     low, high, *sides_ends, goals, sides = np.array(rows).transpose(1, 2, 0)
     miss = np.stack([np.sum(sides * (q - goals), axis=0) for q in sides_ends])
     linear = ARRIVAL_TOL * np.linalg.norm(sides * size, axis=0)
@@ -151,7 +151,8 @@ def _roots(
         high[:, wide] = low[:, wide] + step
     part = miss[0] / np.where(miss[0] > miss[1], miss[0] - miss[1], 1.0)
     v, which = low + (high - low) * np.where(np.isfinite(part), part, 0.5), np.array(which)
+    sharp = ~(miss[0] - miss[1] < linear)  # a change of sign that no float resolves
     if problem.system.m:  # the far side of a closed curve changes the sign as well
         near = np.all(np.abs(_ends(problem, v) - goals) < FAR_SIDE * size, axis=0)
-        v, which = v[:, near], which[near]
-    return v, which
+        v, which, sharp = v[:, near], which[near], sharp[near]
+    return v, which, sharp

@@ -121,7 +121,8 @@ class Pointwise:
         Where they are `symmetric`, the nonzeros are those of a triangle. Or `transposed`.
         """
         rows, cols = self.sparsity(output)
-        if rows.size == v.shape[1] and (rows == cols).all():  # a diagonal matrix
+        size = self.function.size_out(output)
+        if (rows.size, rows.size) == size and (rows == cols).all():  # a diagonal matrix
             return nonzeros * v
         if transposed:
             rows, cols = cols, rows
@@ -129,7 +130,6 @@ class Pointwise:
             off = (rows != cols).nonzero()[0]
             rows, cols = np.concatenate([rows, cols[off]]), np.concatenate([cols, rows[off]])
             nonzeros = np.concatenate([nonzeros, nonzeros[:, off]], axis=1)
-        size = self.function.size_out(output)
         count, height = len(nonzeros), size[1] if transposed else size[0]
         at = height * np.arange(count)[:, None] + rows
         found = np.bincount(at.ravel(), (nonzeros * v[:, cols]).ravel(), count * height)

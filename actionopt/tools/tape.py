@@ -62,7 +62,7 @@ class Node(NamedTuple):
             pattern = self.function.sparsity_in(i)
             arguments.append(ca.SX(pattern, ca.vertcat(*x[first : first + pattern.nnz()])))
             first += pattern.nnz()
-        return self.function.call(arguments)
+        return self.function.call(arguments, False, True)
 
 
 class Tape:
