@@ -48,6 +48,7 @@ NEAREST, LONGEST_ADVANCE, SHORTEST_ADVANCE, ADVANCES, LONGER, ON_THE_WAY = (
     1.5,
     1e-4,
 )
+MOST_FOLLOWED = 20_000  # iterations times elements on the way; geodesics were found after 640
 DWELT = (*LOST, Status.DEGENERATE)  # what DWELLING may look like
 # Part of its size by which the acceleration at a window's edge may be off: such a path is nowhere
 # near rest, and is followed to a longer window by itself alone. Measured on 40 questions that have
@@ -275,11 +276,14 @@ def _follow_to_end(problem: Problem, choices: Choices) -> tuple[Solution | None,
         here = found if found.success else None
     if here is None:
         return None, 0.0
-    step = LONGEST_ADVANCE
+    step, spent = LONGEST_ADVANCE, 0
     for _ in range(ADVANCES):
+        if spent > MOST_FOLLOWED:
+            return None, 0.0  # not lost: it is not known where it leads
         to = min(1.0, part * step)
         there, tol = _nearer(problem, to), choices.tol if to == 1 else ON_THE_WAY
         found = _near_guess(there, stretch_to_end(here, there, to / part), tol, choices.watch)
+        spent += found.mesh.elements * sum(found.stats["iterations"].values())
         if found.success and to == 1:
             return found, 1.0
         if found.success:
