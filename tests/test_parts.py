@@ -160,7 +160,8 @@ def test_hits_aim_in_the_direction_of_the_end(monkeypatch):
 
 def test_a_nearer_end_is_followed_roughly_and_the_one_asked_to_the_tolerance(monkeypatch):
     asked, path = [], Path(Mesh([1.0, 3.0], [3]), np.zeros((2, 4)))
-    near = fake(success=True, path=path)
+    spent = {"newton": 1}
+    near = fake(success=True, path=path, mesh=path.mesh, stats={"iterations": spent})
 
     def between(problem, guess, choices):
         asked.append((problem.end.t, choices.tol))
@@ -173,13 +174,17 @@ def test_a_nearer_end_is_followed_roughly_and_the_one_asked_to_the_tolerance(mon
     monkeypatch.setattr(revisions, "between", between)
     monkeypatch.setattr(revisions, "_near_guess", follow)
     monkeypatch.setattr(revisions, "stretch_to_end", lambda *_: path)
-    found, part = revisions._follow_to_end(
-        systems.bratu().replace(start=Event(1.0, [0.0]), end=Event(3.0, [0.0])),
-        Choices(1e-9, "auto", STRATEGIES, None, None),
-    )
+    question = systems.bratu().replace(start=Event(1.0, [0.0]), end=Event(3.0, [0.0]))
+    choices = Choices(1e-9, "auto", STRATEGIES, None, None)
+    found, part = revisions._follow_to_end(question, choices)
     assert (found, part) == (near, 1.0)
     rough = revisions.ON_THE_WAY
     assert asked == [(t, rough) for t in (2.0, 1.5, 1.25, 1.5, 2.0)] + [(3.0, 1e-9)]
+    asked.clear()
+    spent["newton"] = (
+        revisions.MOST_FOLLOWED
+    )  # it has its price, and nothing is said of the way then
+    assert revisions._follow_to_end(question, choices) == (None, 0.0)
 
 
 def test_a_path_that_a_fold_led_to_is_not_followed_back(monkeypatch):
