@@ -129,7 +129,7 @@ def cheapest_mesh(found: Resolution, target: float, *, sparse: bool = False) -> 
     since = mesh.since[of] + k * (mesh.lengths / count)[of]
     since[ends - 1] = mesh.since[1:]
     for e in (parts == 0).nonzero()[0]:
-        cuts = _around(mesh.since[e], mesh.since[e + 1], steep[:, e])[:-1]
+        cuts = _around(float(mesh.since[e]), float(mesh.since[e + 1]), steep[:, e])[:-1]
         since, of = np.append(since, cuts), np.append(of, np.full(cuts.size, e))
     order = np.argsort(since)
     return mesh.cut(np.append(mesh.since[0], since[order]), _alike(degree[of[order]]))

@@ -8,6 +8,7 @@ end.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.analysis.shooting import (
     ARRIVAL_TOL,
@@ -120,8 +121,11 @@ def _turns_near(miss: Array) -> Array:
 
 def _roots(
     problem: Problem, v0: Array, ends: Array, goals: Array, along: Array, size: Array
-) -> tuple[Array, NDInt]:
-    """Return velocities (n, K) at the changes of sign of the miss, that along the tangent."""
+) -> tuple[Array, NDInt, NDArray[np.bool_]]:
+    """Return velocities (n, K) at the changes of sign of the miss, that along the tangent.
+
+    And of which goals, and where it changes at once, so that no motion arrives.
+    """
     which, rows = [], []
     for k, (goal, direction) in enumerate(zip(goals.T, along.T, strict=True)):
         miss = direction @ (ends - goal[:, None])

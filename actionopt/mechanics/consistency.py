@@ -160,9 +160,9 @@ def _is_same_for_all(problem: Any, i: int) -> bool:
 def _is_same_for_two(problem: Any, i: int) -> bool:
     """Whether integral i is the same along two curves: a step may lie between all other points."""
     system, t0, T = problem.system, problem.start.t, problem.duration
-    at = [[0.0 if x is None else x for x in e.q or [0.0] * system.n] for e in (problem.start,) * 2]
-    at[1] = np.add(at[0], problem.advance) if problem.advance is not None else problem.end.q
-    way, size = np.subtract(at[1], at[0]), np.maximum(problem.lengths, 1e-300)
+    q0 = np.array([0.0 if x is None else x for x in problem.start.q or [0.0] * system.n])
+    way = problem.end.q - q0 if problem.advance is None else np.array(problem.advance)
+    size = np.maximum(problem.lengths, 1e-300)
     s = (np.arange(CURVE_POINTS)[:, None] + 0.5) / CURVE_POINTS
     symbols = system.symbols
     integrand = ca.Function(
@@ -170,7 +170,7 @@ def _is_same_for_two(problem: Any, i: int) -> bool:
     )
     found = []
     for bend in (0.0 * size, size * np.linspace(0.5, 1.0, system.n)):
-        q = at[0] + way * s + bend * np.sin(np.pi * s)
+        q = q0 + way * s + bend * np.sin(np.pi * s)
         v = (way + bend * np.pi * np.cos(np.pi * s)) / T
         g = integrand.map(len(q))(q.T, v.T, t0 + T * s.T, problem.packed.T).full()[0]
         found.append((g.mean(), np.abs(g).mean()))

@@ -106,7 +106,8 @@ def _check_bare(value: Any, what: str) -> None:
     if type(value) in (float, int):
         return
     parts = value if isinstance(value, (list, tuple)) else [value]
-    if any([np.any(x.mask) for x in parts if isinstance(x, np.ndarray) and hasattr(x, "mask")]):
+    masks = [getattr(x, "mask", None) for x in parts if isinstance(x, np.ndarray)]
+    if any([mask is not None and np.any(mask) for mask in masks]):
         raise ValueError(
             f"expected numbers for {what}, found {value!r}: masked entries are no "
             "numbers; leave them out"
