@@ -266,6 +266,41 @@ def _element_forms(
     return elements, kinetic
 
 
+def lift_ends(form: Form) -> list[Array]:
+    """Return the elements for `condense`, those at singular ends on other variations.
+
+    There an end node moves its element along a straight line: where L_vv is infinite at the end,
+    the entries of a node alone cancel to a part of 1e-6 of what is left when the nodes between are
+    eliminated, and those of lines hardly. Under constraints, which lines leave, as they are.
+    """
+    at, tr, problem = form.at, form.tr, form.at.problem
+    ends, elements = tr.mesh.singular_ends, list(form.elements)
+    if problem.system.m or not any(ends):
+        return elements
+    *coefficients_of, coupling = coefficients(problem, *tr.state(at.Q), tr.times)
+    scale, boundary = form.units[:, None] * form.units, [np.zeros_like(E) for E in elements]
+    A, B, C = (x * scale for x in coefficients_of)
+    _add_boundary_terms(at, boundary, form.basis, scale, coupling, phase=True)
+    singular = {e for e, end in zip((0, tr.mesh.elements - 1), ends, strict=True) if end}
+    for g in tr.layout.groups:
+        k, rule = g.rule.degree + 1, g.rule
+        values = np.eye(k)
+        values[:, -1] = (rule.nodes - rule.nodes[0]) / (rule.nodes[-1] - rule.nodes[0])
+        values[:, 0] = 1.0 - values[:, -1]
+        rates = rule.derivative @ values
+        rates[:, 0] = -rates[:, -1]
+        for i in np.flatnonzero(np.isin(g.elements, list(singular))):
+            e, own = g.elements[i], slice(g.span.start + i * k, g.span.start + (i + 1) * k)
+            half, w, Z = tr.half[e], rule.weights, form.basis[g.nodes[i]]
+            mixed = np.einsum("k,ka,kxy,kb->axby", w, values, B[own], rates)
+            E = np.einsum("k,ka,kxy,kb->axby", w * half, values, A[own], values)
+            E += np.einsum("k,ka,kxy,kb->axby", w / half, rates, C[own], rates)
+            E += mixed + mixed.transpose(2, 3, 0, 1)
+            E = np.einsum("axr,axby,bys->arbs", Z, E, Z)
+            elements[e] = E.reshape(boundary[e].shape) + boundary[e]
+    return elements
+
+
 def _add_boundary_terms(
     at: DiscretePath,
     elements: list[Array],

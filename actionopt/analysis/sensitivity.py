@@ -18,7 +18,7 @@ import numpy as np
 
 from actionopt.analysis.assembled import AssembledForm, assemble, some_columns
 from actionopt.analysis.jacobi import resolve
-from actionopt.analysis.second_variation import Form, condense, form, tangent
+from actionopt.analysis.second_variation import Form, condense, form, lift_ends, tangent
 from actionopt.discrete.bordered import equations_of
 from actionopt.discrete.contact_times import bend_of_contacts
 from actionopt.discrete.discrete_path import DiscretePath
@@ -327,7 +327,7 @@ def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
 
 def _second(form: Form) -> tuple[Array, Array, Array]:
     """Return the second derivatives by q0 twice, q0 and q1, q1 twice, each (n, n)."""
-    hessian = condense(form).hessian
+    hessian = condense(form, lift_ends(form)).hessian
     problem, n = form.tr.problem, form.units.size
     maps, first = [], 0
     for k, count in enumerate(form.pinned):
