@@ -814,6 +814,7 @@ def test_tables_have_the_momenta_of_each_derivative():
     assert ao.solve(path.problem, guess=table).action == pytest.approx(6)
 
 
+@pytest.mark.long
 def test_derivatives_of_the_action_of_a_beam_on_a_circle():
     """S by the times and the places of its ends, against differences of S in the angle."""
     circle = ao.System(lambda q, v, a, t: a @ a / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)

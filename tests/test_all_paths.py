@@ -269,6 +269,7 @@ def test_only_errors_that_tell_of_no_problem_escape():
         searches.raise_defect(ValueError("could not broadcast"))
 
 
+@pytest.mark.long
 def test_a_comparison_that_cannot_tell_contradicts_nothing(monkeypatch):
     undecided = type("Undecided", (), {"agrees": None})()
     monkeypatch.setattr(ao.Solution, "compare", lambda _: undecided)

@@ -63,6 +63,7 @@ def test_a_family_is_one_in_every_direction(seed, tol):
     assert ao.solve(antipodes(axis), tol=tol, throw=False).status is ao.Status.DEGENERATE
 
 
+@pytest.mark.long
 def test_the_message_has_the_dimension_and_the_condition():
     with pytest.raises(ao.SolveError, match=r"condition about .*a family of dimension 1"):
         ao.solve(antipodes([0.0, 0.0, 1.0]))

@@ -166,6 +166,7 @@ def test_the_names_of_coordinates_stand_in_the_picture_and_apart(name):
     assert np.min(apart) > 0.9 * size
 
 
+@pytest.mark.long
 def test_a_film_says_that_a_path_runs_away_only_where_it_does():
     scene = scenes.get("oscillator", duration=4.4)
     html = relaxing(Subject(scene, solve(scene.problem, guess=scene.guess)))

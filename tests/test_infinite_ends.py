@@ -148,6 +148,7 @@ def test_a_homoclinic_path_has_its_farthest_point_at_zero():
     assert ao.solve(problem).action == 0  # rest
 
 
+@pytest.mark.long
 def test_an_exit_path_leaves_the_axis_without_a_guess():
     """Maier and Stein, PRE 48, 931 (1993): 1/2 below beta = 4; two methods agree on the other."""
     assert abs(exit_path(3.0).action - 0.5) < 1e-10
@@ -410,6 +411,7 @@ def test_events_far_from_rest_are_passed_on_a_long_window():
     assert sol.action == pytest.approx(3.195175, abs=1e-5)
 
 
+@pytest.mark.long
 def test_a_trace_lengthens_its_window():
     """S = 4 w / 3; at w = 0.3 the path comes to rest in three times the time and more."""
     found = ao.trace(JOIN, "w", 0.3)

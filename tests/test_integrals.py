@@ -549,6 +549,7 @@ def test_an_integral_of_a_beam_on_a_circle():
     assert path.morse_index == known.morse_index == 0
 
 
+@pytest.mark.long
 def test_first_waves_have_the_integral_that_is_given():
     """One sine each, and then sums of them: all of the length asked for, between the ends."""
     problem = ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0.4]), integral=2.6)
@@ -657,6 +658,7 @@ def test_integrals_that_the_events_tell_are_refused(law):
     check_integrals(problem.replace(end=ao.Event(1, [None])))  # there its value tells the end
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("other", "independent"),
     [

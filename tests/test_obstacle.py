@@ -851,6 +851,7 @@ def test_a_string_held_on_a_disc():
     assert sol.impulses[0] == pytest.approx([length / 0.8 - length / 1.2, 0], abs=1e-7)
 
 
+@pytest.mark.long
 def test_a_curve_round_a_given_area_in_a_box():
     """A square whose corners are rounded by quarters of circles."""
     box = systems.particle(
@@ -1404,6 +1405,7 @@ def test_ways_on_both_sides_of_a_disc():
     np.testing.assert_allclose([s.action for s in found], np.square(lengths) / 2, rtol=1e-7)
 
 
+@pytest.mark.long
 def test_a_trace_leaves_a_disc():
     found = ao.trace(past_disc(), ("end", "y"), 2.9)
     exact = [string_round_disc(y) ** 2 / 2 for y in found.values]

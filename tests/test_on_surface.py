@@ -53,6 +53,7 @@ def normals(x, y):
     return feet, np.array([c / A * np.cos(s) ** 3, -c / B * np.sin(s) ** 3]).T
 
 
+@pytest.mark.long
 def test_lines_to_far_points_of_a_surface_may_take_finer_meshes():
     """A body with the energy 1/2 goes straight to the nearest point of a ball, beside a spring."""
     system = ao.System(lambda q, v, t: v @ v / 2 - 50 * q[3] ** 2, list("xyzw"))

@@ -201,6 +201,7 @@ def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
     panels.paths.figure.draw_without_rendering()
 
 
+@pytest.mark.long
 def test_a_path_relaxes_between_the_events_it_passes():
     free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
     floor = ao.Bounce(lambda q, t: q[1])

@@ -591,6 +591,7 @@ def test_an_interruption_keeps_what_is_done(serial, short, pool, tmp_path):
         pool.shutdown()
 
 
+@pytest.mark.long
 def test_what_is_finished_is_not_solved_again(serial, short, tmp_path, monkeypatch):
     given = {"record": "index", "keep_paths": True, "resume": tmp_path / "it"}
     with pytest.raises(ZeroDivisionError) as error:

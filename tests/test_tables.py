@@ -174,7 +174,7 @@ def test_boundaries_stay_at_kinks_while_the_end_passes_others():
     assert there.boundaries == pytest.approx([0.0, 0.7, 1.18, 1.5], abs=1e-15)
 
 
-@pytest.mark.quick("numpy")
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["numpy", "casadi", "casadi, many points"])
 def test_a_spike_between_two_points_of_a_table_in_q_is_not_passed_unseen(kind):
     width, where = 3e-4, 0.2

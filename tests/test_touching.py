@@ -155,6 +155,7 @@ def test_a_beam_lies_on_a_floor_in_any_unit_of_its_height(unit):
     assert found.action == pytest.approx(action_of_beam(2000.0), rel=1e-12)
 
 
+@pytest.mark.long
 def test_variations_move_the_moment():
     """The lowest mode turns the beam where it touches, held there by nu / f'' as by a spring."""
     found, h, nu, bent = lying(600.0), 0.5, 108.0, 11.5
