@@ -184,7 +184,8 @@ def _write(x: ca.SX, points: Array, values: Array | ca.SX) -> ca.SX:
 def _lookup(x: ca.SX, points: Array, values: Array | ca.SX) -> ca.SX:
     """Return a table as the call of a function."""
     at, grid, last = ca.MX.sym("x"), points.tolist(), points.size - 1
-    inside = ca.fmin(ca.fmax(at, grid[0]), grid[-1])
+    # The slope is the right one, as within: a path that begins with the table is in its piece.
+    inside = ca.if_else(at < grid[0], grid[0], ca.if_else(at < grid[-1], at, grid[-1]))
     of_table = [at]
     if isinstance(values, ca.SX):  # CasADi's parametric tables have no derivatives by the values
         y = ca.MX.sym("y", points.size)

@@ -24,7 +24,8 @@ def solution_of(ws: Workspace, status: Status, found_by: str, started: float) ->
     here, record = ws.here, ws.record
     with record.clock("verify"):
         problem, found = ws.answer()
-        action = found.action
+        with np.errstate(over="ignore", invalid="ignore"):  # of an attempt L may be infinite
+            action = found.action
         if status.success and not np.isfinite(action):
             status = Status.UNRESOLVED
         found.tr.forget()  # many solutions may be kept
