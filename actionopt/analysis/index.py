@@ -36,6 +36,7 @@ from actionopt.discrete.contact_times import bend_of_contacts, restrict
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors, diagonal, full, negative_signs
 from actionopt.discrete.increments import Increments, is_stiff
+from actionopt.discrete.integrals import are_dependent
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -83,8 +84,7 @@ class Inertia:
             raise ValueError(
                 f"expected signs of the second variation that are known, found an index of "
                 f"{self.index} and a nullity of {self.nullity}: round-off, as where times of "
-                "contact are all but the same, or where integrals depend on one another; a smaller "
-                "tol or other events may tell"
+                "contact are all but the same; a smaller tol or other events may tell"
             )
 
     @property
@@ -266,6 +266,12 @@ def _on_its_mesh(
     problem, tr = at.problem, at.tr
     if problem.system.structure.forced:
         form(at)  # raises
+    if problem.integral is not None and are_dependent(at):
+        raise ValueError(
+            "expected integrals that are independent, found that near the path they depend on one "
+            "another: no multipliers are determined, nor what these add to the second variation; "
+            "leave those out that others tell"
+        )
     mass = second_derivatives(problem, tr.place(at.x).at, tr.place(at.x).v, tr.times)[2]
     least = np.linalg.eigvalsh(mass).min(axis=1)
     at_ends = np.isin(tr.times[:, 0], tr.mesh.boundaries[[0, -1]])  # the mass may vanish there

@@ -10,6 +10,7 @@ import numpy as np
 
 from actionopt.mechanics.identity import (
     CANCELLED,
+    GENERIC,
     general_points,
     general_states,
     negligible,
@@ -18,6 +19,7 @@ from actionopt.mechanics.identity import (
 from actionopt.mechanics.surface import SURFACE_TOLERANCE
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import number
+from actionopt.tools.types import Array
 
 # Points of two curves along which an integral is the same for all paths, and to which part of its
 # size: their sum is, to a thousandth of that, for what varies as slowly as the curves. Ad hoc.
@@ -113,24 +115,31 @@ def check_alike(problem: Any) -> None:
 
 
 def check_integrals(problem: Any) -> None:
-    """Raise ValueError for an integral that is the same for all paths, or that no path has."""
+    """Raise ValueError for integrals of which the events tell a sum, or that no path has."""
     _check_straight(problem)
-    for i in range(problem.system.g.numel()):
-        if _is_same_for_all(problem, i):
+    count = problem.system.g.numel()
+    for i in range(count):
+        if _is_same_for_all(problem, np.eye(count)[i]):
             raise ValueError(
                 "expected integrals that differ from path to path, found that of expression "
                 f"{i}, which is a constant or a total derivative, to be the same for all paths "
                 "between the events, so that no multiplier is determined; leave it out"
             )
+    if count > 1 and (c := _dependence(problem)) is not None and _is_same_for_all(problem, c):
+        raise ValueError(
+            "expected integrals that do not tell one another, found that those of expressions "
+            f"{np.flatnonzero(c).tolist()} do, by a sum of them that is a constant or a total "
+            "derivative, so that no multipliers are determined; leave one of them out"
+        )
 
 
-def _is_same_for_all(problem: Any, i: int) -> bool:
-    """Whether the events tell the integral of expression i: its Euler-Lagrange equations are 0 = 0.
+def _is_same_for_all(problem: Any, c: Array) -> bool:
+    """Whether the events tell the integral of c.g: its Euler-Lagrange equations are 0 = 0.
 
     Where they give all of both ends; of closed paths, where it contains neither t nor an advance.
     """
     system, events, way = problem.system, (problem.start, problem.end), problem.advance
-    s, g = system.symbols, system.g[i]
+    s, g = system.symbols, system.g[np.flatnonzero(c).tolist()]
     timed = None not in (problem.start.t, problem.end.t)
     if not timed or system.order > 1 or isinstance(problem.question, tuple):
         return False
@@ -138,6 +147,16 @@ def _is_same_for_all(problem: Any, i: int) -> bool:
         return False
     if way is None and min(len(e.pinned) for e in events) < system.n:
         return False
+    terms = np.concatenate([x * _equations(problem, i) for i, x in enumerate(c) if x], axis=2)
+    with suppress(ValueError):  # it is finite nowhere in general position
+        return negligible(remainder(terms)) and _is_same_for_two(problem, c)
+    return False
+
+
+def _equations(problem: Any, i: int) -> Array:
+    """Return the terms of the Euler-Lagrange equations of g_i in general position, (2 n, K, k)."""
+    system = problem.system
+    s, g = system.symbols, system.g[i]
 
     def build() -> ca.Function:
         a, p = ca.SX.sym("a", system.n), ca.gradient(g, s.v)
@@ -151,29 +170,41 @@ def _is_same_for_all(problem: Any, i: int) -> bool:
     q, v, t = general_states(system.n)
     terms = system.memoize(f"equations of integral {i}", build).map(len(q))
     values = terms(q.T, v.T, t.T, v[::-1].T, problem.packed.T).full()
-    with suppress(ValueError):  # it is finite nowhere in general position
-        vanish = negligible(remainder(values.reshape(2 * system.n, len(q), -1)))
-        return vanish and _is_same_for_two(problem, i)
-    return False
+    return values.reshape(2 * system.n, len(q), -1)
 
 
-def _is_same_for_two(problem: Any, i: int) -> bool:
-    """Whether integral i is the same along two curves: a step may lie between all other points."""
+def _dependence(problem: Any) -> Array | None:
+    """Return c (count,) for which the equations of c.g vanish at points of size one, or None."""
+    count = problem.system.g.numel()
+    if problem.system.order > 1:
+        return None
+    sums = [_equations(problem, i)[:, :GENERIC].sum(axis=2).ravel() for i in range(count)]
+    rows = np.array(sums)[:, np.isfinite(sums).all(axis=0)]
+    size = np.linalg.norm(rows, axis=1)
+    if not rows.shape[1] or not size.all():
+        return None
+    left, ratios, _ = np.linalg.svd(rows / size[:, None], full_matrices=False)
+    if ratios.size == count and ratios[-1] > CANCELLED:
+        return None
+    c = left[:, -1]
+    return np.where(np.abs(c) > CANCELLED, c, 0.0) / size
+
+
+def _is_same_for_two(problem: Any, c: Array) -> bool:
+    """Whether that of c.g is the same along two curves: a step may lie between all other points."""
     system, t0, T = problem.system, problem.start.t, problem.duration
     q0 = np.array([0.0 if x is None else x for x in problem.start.q or [0.0] * system.n])
     way = problem.end.q - q0 if problem.advance is None else np.array(problem.advance)
     size = np.maximum(problem.lengths, 1e-300)
     s = (np.arange(CURVE_POINTS)[:, None] + 0.5) / CURVE_POINTS
     symbols = system.symbols
-    integrand = ca.Function(
-        "integrand", [symbols.q, symbols.v, symbols.t, symbols.p], [system.g[i]]
-    )
+    integrand = ca.Function("integrand", [symbols.q, symbols.v, symbols.t, symbols.p], [system.g])
     found = []
     for bend in (0.0 * size, size * np.linspace(0.5, 1.0, system.n)):
         q = q0 + way * s + bend * np.sin(np.pi * s)
         v = (way + bend * np.pi * np.cos(np.pi * s)) / T
-        g = integrand.map(len(q))(q.T, v.T, t0 + T * s.T, problem.packed.T).full()[0]
-        found.append((g.mean(), np.abs(g).mean()))
+        g = integrand.map(len(q))(q.T, v.T, t0 + T * s.T, problem.packed.T).full()
+        found.append((c @ g.mean(axis=1), np.abs(c) @ np.abs(g).mean(axis=1)))
     (one, size_of_one), (other, size_of_other) = found
     return bool(abs(one - other) <= SAME_INTEGRAL * max(size_of_one, size_of_other))
 
