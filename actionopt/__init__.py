@@ -11,34 +11,39 @@ Rooms: `plot`, `scenes` (examples), `suite` (test problems), `gallery` (pages), 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from actionopt.mechanics.events import Bounce, Event, Periodic, State
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.events import Bounce, Event, Periodic, State
+from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
 
 if TYPE_CHECKING:  # what is found by `__getattr__`
-    from actionopt.analysis.compare import Comparison
-    from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
     from actionopt.analysis.contact import Contact, contact_loss
-    from actionopt.analysis.forward import IntegrationError, integrate
-    from actionopt.analysis.index import Inertia
-    from actionopt.analysis.modes import SecondVariation, second_variation
-    from actionopt.analysis.monodromy import Monodromy, monodromy
-    from actionopt.analysis.sensitivity import Sensitivity
+    from actionopt.analysis.motion.compare import Comparison
+    from actionopt.analysis.motion.forward import IntegrationError, integrate
+    from actionopt.analysis.quadratic.index import Inertia
+    from actionopt.analysis.quadratic.sensitivity import Sensitivity
     from actionopt.analysis.solution import Solution, SolveError
+    from actionopt.analysis.spectra.conjugate import ConjugatePoint, conjugate_points
+    from actionopt.analysis.spectra.modes import SecondVariation, second_variation
+    from actionopt.analysis.spectra.monodromy import Monodromy, monodromy
+    from actionopt.analysis.spectra.variation import Variation, variation
     from actionopt.analysis.status import Status
     from actionopt.analysis.store import load
-    from actionopt.analysis.variation import Variation, variation
-    from actionopt.discrete.mesh import Mesh
-    from actionopt.discrete.path import Path
-    from actionopt.families.all_paths import Paths, solve_all
-    from actionopt.families.branch import Trace
-    from actionopt.families.marks import Mark
-    from actionopt.families.runs import Runs
-    from actionopt.families.sweep import sweep
-    from actionopt.families.trace import trace
-    from actionopt.mechanics.obstacle import Arc
+    from actionopt.discrete.meshes.mesh import Mesh
+    from actionopt.discrete.meshes.path import Path
+    from actionopt.families.searches.all_paths import Paths, solve_all
+    from actionopt.families.sweeps.runs import Runs
+    from actionopt.families.sweeps.sweep import sweep
+    from actionopt.families.traces.branch import Trace
+    from actionopt.families.traces.marks import Mark
+    from actionopt.families.traces.trace import trace
+    from actionopt.mechanics.conservation.symmetry import (
+        Conserved,
+        Symmetry,
+        find_symmetries,
+        noether,
+    )
     from actionopt.mechanics.pfaffian import integrate_pfaffian
-    from actionopt.mechanics.symmetry import Conserved, Symmetry, find_symmetries, noether
+    from actionopt.mechanics.question.obstacle import Arc
     from actionopt.solver.solve import solve
 
 __all__ = [
@@ -90,29 +95,29 @@ _ROOMS = ("chapter", "gallery", "plot", "scenes", "suite")  # that users enter
 
 
 _LATER = {  # modules that are imported when one of their names is asked for
-    "analysis.compare": "Comparison",
-    "analysis.conjugate": "ConjugatePoint conjugate_points",
+    "analysis.motion.compare": "Comparison",
+    "analysis.spectra.conjugate": "ConjugatePoint conjugate_points",
     "analysis.contact": "Contact contact_loss",
-    "analysis.forward": "IntegrationError integrate",
-    "analysis.index": "Inertia",
-    "analysis.modes": "SecondVariation second_variation",
-    "analysis.monodromy": "Monodromy monodromy",
-    "analysis.sensitivity": "Sensitivity",
+    "analysis.motion.forward": "IntegrationError integrate",
+    "analysis.quadratic.index": "Inertia",
+    "analysis.spectra.modes": "SecondVariation second_variation",
+    "analysis.spectra.monodromy": "Monodromy monodromy",
+    "analysis.quadratic.sensitivity": "Sensitivity",
     "analysis.solution": "Solution SolveError",
     "analysis.status": "Status",
     "analysis.store": "load",
-    "analysis.variation": "Variation variation",
-    "discrete.mesh": "Mesh",
-    "discrete.path": "Path",
-    "families.all_paths": "Paths solve_all",
-    "families.branch": "Trace",
-    "families.marks": "Mark",
-    "families.runs": "Runs",
-    "families.sweep": "sweep",
-    "families.trace": "trace",
-    "mechanics.obstacle": "Arc",
+    "analysis.spectra.variation": "Variation variation",
+    "discrete.meshes.mesh": "Mesh",
+    "discrete.meshes.path": "Path",
+    "families.searches.all_paths": "Paths solve_all",
+    "families.traces.branch": "Trace",
+    "families.traces.marks": "Mark",
+    "families.sweeps.runs": "Runs",
+    "families.sweeps.sweep": "sweep",
+    "families.traces.trace": "trace",
+    "mechanics.question.obstacle": "Arc",
     "mechanics.pfaffian": "integrate_pfaffian",
-    "mechanics.symmetry": "Conserved Symmetry find_symmetries noether",
+    "mechanics.conservation.symmetry": "Conserved Symmetry find_symmetries noether",
     "solver.solve": "solve",
 }
 

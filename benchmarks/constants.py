@@ -69,7 +69,7 @@ class Constant:
     @property
     def place(self) -> dict[str, str]:
         """The room and the module where it stands."""
-        _, room, module = self.module.__name__.split(".")
+        _, room, *_, module = self.module.__name__.split(".")
         return {"room": room, "module": module}
 
     @property
@@ -100,9 +100,9 @@ def constants(rooms: tuple[str, ...]) -> list[Constant]:
     modules, readers = [], _readers()
     for room in rooms:
         folder = Path(str(ao.__file__)).parent / room
-        modules += [
-            import_module(f"actionopt.{room}.{p.stem}") for p in sorted(folder.glob("*.py"))
-        ]
+        for file in sorted(folder.rglob("*.py")):
+            place = file.relative_to(folder.parent).with_suffix("").parts
+            modules.append(import_module(".".join(("actionopt", *place))))
     return [
         Constant(module, name, frozenset(readers.get(name, ())))
         for module in modules

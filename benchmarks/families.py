@@ -26,11 +26,11 @@ from scipy.integrate import solve_bvp, solve_ivp
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.families import sweep as sweeping
-from actionopt.families.batch import solve_run
-from actionopt.families.members import Members, member
-from actionopt.families.runs import Runs
-from actionopt.families.task import work
+from actionopt.families.sweeps import sweep as sweeping
+from actionopt.families.sweeps.batch import solve_run
+from actionopt.families.sweeps.members import Members, member
+from actionopt.families.sweeps.runs import Runs
+from actionopt.families.sweeps.task import work
 from actionopt.tools.files import write
 from actionopt.tools.progress import steps
 from benchmarks import child

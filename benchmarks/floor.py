@@ -18,9 +18,9 @@ from time import process_time
 import casadi as ca
 import numpy as np
 
-from actionopt.discrete.mesh import Mesh
-from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.tracing import ParameterTable
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.laws.expressions import Expressions
+from actionopt.mechanics.laws.tracing import ParameterTable
 from actionopt.tools.files import write
 from actionopt.tools.process import ONE_THREAD
 from benchmarks import peers, problems

@@ -18,8 +18,8 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.tools.files import rounded, write
 from actionopt.tools.progress import steps
 from actionopt.tools.types import Array

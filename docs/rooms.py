@@ -22,6 +22,14 @@ ROOMS = (
     *("tools", "mechanics", "scenes", "discrete", "analysis", "solver", "families"),
     *("__init__", "plot", "chapter", "suite", "gallery", "simple", "cli", "__main__"),
 )
+# Rooms within these, left to right too; "" are the modules that stand in the room itself.
+INNER = {
+    "mechanics": ("laws", "", "question", "conservation"),
+    "discrete": ("meshes", "matrices", "action", "newton", "between_nodes", "borders", ""),
+    "analysis": ("quadratic", "motion", "", "spectra"),
+    "solver": ("input", "refinement", "ends", "search", "contact", "kinds", ""),
+    "families": ("", "traces", "searches", "sweeps"),
+}
 BEGIN, END = "<!-- made by docs/rooms.py -->", "<!-- to here -->"
 
 
@@ -34,6 +42,12 @@ def dotted(file: Path) -> str:
 def room(module: str) -> str:
     """Return the room a module of the package is in."""
     return (module.split(".") + ["__init__"])[1]
+
+
+def inner(module: str) -> str:
+    """Return the room within its room that a module is in, or "" where it is in none."""
+    _, *parts = module.split(".")
+    return parts[1] if len(parts) > 1 and parts[1] in INNER.get(parts[0], ()) else ""
 
 
 FILES = {dotted(file): file for file in sorted(PACKAGE.rglob("*.py"))}
@@ -101,9 +115,17 @@ def drawn() -> str:
         told = ", ".join(sorted(others, key=ROOMS.index)).replace("__init__", "actionopt")
         lines.append(f"| {shown} | {what} | {told} |")
         if name in ROOMS[: ROOMS.index("__init__")] and name != "scenes":
-            modules = [m.split(".")[2:] + [sentence(FILES[m])] for m in sorted(inside)][1:]
-            files += [f"\n{shown}\n", *(f"- `{m}`: {said}" for m, said in modules)]
+            for within in INNER.get(name, ("",)):
+                files += _listed(name, within, sorted(m for m in inside if inner(m) == within))
     return "\n".join([*lines, *files]) + "\n"
+
+
+def _listed(name: str, within: str, modules: list[str]) -> list[str]:
+    """Return the lines about the modules of a room, or of one within it."""
+    top = f"actionopt.{name}" + (f".{within}" if within else "")
+    said = f": {sentence(FILES[top])}" if within else ""
+    lines = [f"- `{m.split('.')[-1]}`: {sentence(FILES[m])}" for m in modules if m != top]
+    return [f"\n`{top[10:].replace('.', '/')}/`{said}\n", *lines] if lines else []
 
 
 if __name__ == "__main__":

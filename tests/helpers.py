@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, scenes
-from actionopt.discrete.transcription import Transcription
-from actionopt.solver.search import Search
-from actionopt.solver.strategies import STRATEGIES
-from actionopt.solver.workspace import Workspace
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.solver.refinement.workspace import Workspace
+from actionopt.solver.search.search import Search
+from actionopt.solver.search.strategies import STRATEGIES
 
 # Scenes each of which takes ten times as long as most.
 LONG = {"string_to_wall", "way_round_ball"}

@@ -14,12 +14,12 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt.analysis.tables import _by_name
-from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.element import element
-from actionopt.discrete.factors import full
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
-from actionopt.solver import iterate
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.borders.bordered import Bordered
+from actionopt.discrete.matrices.factors import full
+from actionopt.discrete.meshes.element import element
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.solver.refinement import iterate
 
 SPLINE = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"])
 MIXED = ao.System(
@@ -865,7 +865,7 @@ def test_where_no_inertia_is_found_along_an_obstacle_a_beam_is_no_minimum(monkey
     def refuse(at, error):
         raise ValueError("L is not convex in the accelerations")
 
-    monkeypatch.setattr("actionopt.analysis.index.inertia_through", refuse)
+    monkeypatch.setattr("actionopt.analysis.quadratic.index.inertia_through", refuse)
     assert iterate._index_in_contact(None) == 1
 
 

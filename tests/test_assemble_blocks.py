@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from actionopt import simple
-from actionopt.discrete.factors import kkt_nonzeros
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.factors import kkt_nonzeros
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
 
 ROUNDING = 1e-13  # of the largest entry; each is a sum of a dozen terms
@@ -33,8 +33,8 @@ LAWS["both"] = LAWS["surface"] | LAWS["force"]
 @pytest.mark.parametrize("storage", ["blocks", "sparse"])
 def test_entries_are_those_of_the_symbolic_derivative(laws, storage, monkeypatch):
     if storage == "sparse":
-        monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
-        monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+        monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", 0)
+        monkeypatch.setattr("actionopt.discrete.matrices.layout.FILLED", 1.0)
     system = System(lagrangian, ["x", "y"], **LAWS[laws])
     problem = Problem(system, Event(0.5, [0.3, None]), Event(2.0, [None, 0.4]))
     tr = Transcription(problem, Mesh.uniform(0.5, 2.0, 3, 4), LENGTHS)
@@ -59,8 +59,8 @@ def test_entries_are_those_of_the_symbolic_derivative(laws, storage, monkeypatch
 @pytest.mark.parametrize("storage", ["blocks", "sparse"])
 def test_momenta_of_a_variation_work_as_its_velocities_say(storage, monkeypatch):
     if storage == "sparse":
-        monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
-        monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+        monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", 0)
+        monkeypatch.setattr("actionopt.discrete.matrices.layout.FILLED", 1.0)
     problem = Problem(System(lagrangian, ["x", "y"]), Event(0.5, [0.3, None]), Event(2.0, [0.1, 2]))
     tr = Transcription(problem, Mesh.uniform(0.5, 2.0, 3, 4), LENGTHS)
     assert tr.layout.storage == storage

@@ -8,10 +8,11 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis import assembled, modes
-from actionopt.analysis.assembled import AssembledForm, assemble, is_convex
-from actionopt.analysis.jacobi import resolve
-from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.analysis.quadratic import assembled
+from actionopt.analysis.quadratic.assembled import AssembledForm, assemble, is_convex
+from actionopt.analysis.quadratic.jacobi import resolve
+from actionopt.analysis.spectra import modes
+from actionopt.discrete.newton.discrete_path import DiscretePath
 
 N, T = 30, 2.0
 MODES = np.sin(np.pi * np.outer(np.arange(1, N + 1), np.arange(1, N + 1)) / (N + 1))

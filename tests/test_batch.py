@@ -9,18 +9,18 @@ from helpers import same_bits
 import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis.status import Status
-from actionopt.discrete.elimination import Inverses
-from actionopt.discrete.factors import Factors
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.elimination import Inverses
+from actionopt.discrete.matrices.factors import Factors
 from actionopt.discrete.stacks import Factored, Stack, StackShape
-from actionopt.discrete.transcription import Transcription
-from actionopt.families import batch, budget
-from actionopt.families.batch import member, solve_run
-from actionopt.families.common_mesh import denser
-from actionopt.families.members import checked_columns
-from actionopt.families.scheduling import Front, weights
-from actionopt.mechanics.columns import Columns
-from actionopt.solver import stacked_newton
-from actionopt.solver.iterate import sizes
+from actionopt.families.sweeps import batch, budget
+from actionopt.families.sweeps.batch import member, solve_run
+from actionopt.families.sweeps.common_mesh import denser
+from actionopt.families.sweeps.members import checked_columns
+from actionopt.families.sweeps.scheduling import Front, weights
+from actionopt.mechanics.laws.columns import Columns
+from actionopt.solver.refinement import stacked_newton
+from actionopt.solver.refinement.iterate import sizes
 
 TOL = 1e-9
 

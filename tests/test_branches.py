@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.mechanics import branches
+from actionopt.mechanics.laws import branches
 
 
 def of(potential, **more):

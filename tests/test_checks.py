@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.mechanics.tracing import parameter_names
+from actionopt.mechanics.laws.tracing import parameter_names
 from actionopt.scenes import circle, from_file
 from actionopt.tools.checks import items, number, numbers
 

@@ -17,10 +17,10 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from actionopt import Event, Mesh, Problem, Solution, State, System, integrate, scenes, solve
-from actionopt.analysis import compare as compare_module
-from actionopt.analysis import picard
-from actionopt.analysis.compare import KINK_CUT, _Parts, compare, is_motion
-from actionopt.analysis.flow import Flow
+from actionopt.analysis.motion import compare as compare_module
+from actionopt.analysis.motion import picard
+from actionopt.analysis.motion.compare import KINK_CUT, _Parts, compare, is_motion
+from actionopt.analysis.motion.flow import Flow
 
 ACCURATE = 3e-11  # what forward integration makes of these motions, as its own tests say
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from helpers import same_bits
 
-from actionopt.mechanics import columns, compiled
-from actionopt.mechanics.compiled import PART_OPERATIONS, PARTED, Pointwise
+from actionopt.mechanics.laws import columns, compiled
+from actionopt.mechanics.laws.compiled import PART_OPERATIONS, PARTED, Pointwise
 from actionopt.mechanics.system import System
 
 

@@ -8,10 +8,10 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis import conjugate
-from actionopt.analysis.conjugate import Phases, conjugate_points
-from actionopt.analysis.full_form import _at
-from actionopt.discrete.transcription import Transcription
+from actionopt.analysis.spectra import conjugate
+from actionopt.analysis.spectra.conjugate import Phases, conjugate_points
+from actionopt.analysis.spectra.full_form import _at
+from actionopt.discrete.action.transcription import Transcription
 
 TIME_TOLERANCE = 1e-8  # relative to the duration: what conjugate points are promised to
 
@@ -258,7 +258,7 @@ def test_no_conjugate_point_of_many_coordinates_is_told_by_the_index(monkeypatch
     assert times[0] == []
     exact = np.pi / frequencies
     assert times[1] == pytest.approx(exact[exact < T], abs=1e-8)
-    monkeypatch.setattr("actionopt.analysis.conjugate.regular_index", lambda *given: None)
+    monkeypatch.setattr("actionopt.analysis.spectra.conjugate.regular_index", lambda *given: None)
     assert ao.conjugate_points(found)[0].t == times[1][0]
 
 

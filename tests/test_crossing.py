@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.discrete.crossing import _first_jump, first_crossing
+from actionopt.discrete.between_nodes.crossing import _first_jump, first_crossing
 
 JUMPS = {
     "where": lambda q, v, t: np.where(q[0] > 0, 1.4, 1.0) * np.sqrt(1 + v[0] ** 2),

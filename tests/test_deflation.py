@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import follow
-from actionopt.discrete.transcription import Transcription
-from actionopt.families.deflation import deflate
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.newton.newton import follow
+from actionopt.families.searches.deflation import deflate
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
 
 ACCURACY = 1e-8  # of degree 12 on four elements, for the steeper path

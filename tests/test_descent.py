@@ -8,10 +8,10 @@ import systems
 from helpers import transcribed
 
 from actionopt import Event, Periodic, Problem, System, solve
-from actionopt.discrete.factors import Factors
-from actionopt.discrete.newton import follow
-from actionopt.solver import descent
-from actionopt.solver.descent import RUNAWAY, descend, loose_constants, way_down
+from actionopt.discrete.matrices.factors import Factors
+from actionopt.discrete.newton.newton import follow
+from actionopt.solver.refinement import descent
+from actionopt.solver.refinement.descent import RUNAWAY, descend, loose_constants, way_down
 
 SPRING = systems.spring(stiffening=0.01)
 PENDULUM = systems.pendulum(g=9.81)

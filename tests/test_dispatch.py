@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from actionopt.families.dispatch import _wait, dispatch
+from actionopt.families.sweeps.dispatch import _wait, dispatch
 from actionopt.tools.watch import TimeUp, check_time, time_limit
 
 
@@ -118,7 +118,7 @@ def test_tasks_end_with_the_time_that_is_given():
 
 
 def test_while_an_executor_works_it_is_said_that_one_waits(monkeypatch):
-    monkeypatch.setattr("actionopt.families.dispatch.LOG_PACE", 0.004)
+    monkeypatch.setattr("actionopt.families.sweeps.dispatch.LOG_PACE", 0.004)
     done = []
     dispatch(
         double, TASKS[:1], Pool(), lambda *answer: done.append(answer), lambda: done.append("waits")
@@ -135,7 +135,7 @@ def look(times):
 
 def test_while_this_process_works_it_is_said_as_well(monkeypatch):
     """Each so often, also where a task has a time limit of its own."""
-    monkeypatch.setattr("actionopt.families.dispatch.LOG_PACE", 0.004)
+    monkeypatch.setattr("actionopt.families.sweeps.dispatch.LOG_PACE", 0.004)
     done = []
     with time_limit(60):
         dispatch(look, [(0, (30,))], None, lambda *x: done.append(x), lambda: done.append("waits"))
@@ -146,7 +146,7 @@ def test_while_this_process_works_it_is_said_as_well(monkeypatch):
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_what_is_raised_where_it_is_said_ends_the_task(monkeypatch, error):
-    monkeypatch.setattr("actionopt.families.dispatch.LOG_PACE", 0.0)
+    monkeypatch.setattr("actionopt.families.sweeps.dispatch.LOG_PACE", 0.0)
 
     def waits():
         raise error("mine")

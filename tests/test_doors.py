@@ -9,7 +9,7 @@ import systems
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.solver.arguments import read_guess
+from actionopt.solver.input.arguments import read_guess
 
 START, END = ao.Event(0.0, [0.3]), ao.Event(1.0, [-0.2])
 QUIET = {"print_time": 0, "ipopt.print_level": 0, "ipopt.sb": "yes"}

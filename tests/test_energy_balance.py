@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.discrete import crossing
-from actionopt.discrete.crossing import Jump, find_imbalance
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.energy_balance import DRIFT_SAFETY, Balance, plain_drift
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.between_nodes import crossing
+from actionopt.discrete.between_nodes.crossing import Jump, find_imbalance
+from actionopt.discrete.between_nodes.energy_balance import DRIFT_SAFETY, Balance, plain_drift
+from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.discrete.stacks import Stack, StackShape
-from actionopt.discrete.transcription import Transcription
 
 
 def free(V):

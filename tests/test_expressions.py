@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.tracing import column
+from actionopt.mechanics.laws.expressions import Expressions
+from actionopt.mechanics.laws.tracing import column
 
 W = np.arange(9.0).reshape(3, 3) + 1
 
@@ -94,7 +94,7 @@ def test_the_same_code_gives_the_same_numbers(name):
 @pytest.mark.parametrize("name", DIRECT)
 def test_what_lagrangians_are_made_of_is_done_directly(name, monkeypatch):
     asked = []  # of CasADi's view, which swallows exceptions where it looks for something
-    monkeypatch.setattr("actionopt.mechanics.expressions._to_casadi", asked.append)
+    monkeypatch.setattr("actionopt.mechanics.laws.expressions._to_casadi", asked.append)
     column(DIRECT[name](*traced()), "lagrangian")
     assert not asked
 

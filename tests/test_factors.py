@@ -7,8 +7,9 @@ import systems
 from helpers import same_bits
 
 from actionopt import solve
-from actionopt.discrete.blocks import Condensed
-from actionopt.discrete.factors import (
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.blocks import Condensed
+from actionopt.discrete.matrices.factors import (
     Factors,
     diagonal,
     full,
@@ -18,13 +19,12 @@ from actionopt.discrete.factors import (
     product,
     solve_inside,
 )
-from actionopt.discrete.layout import border_matrix
-from actionopt.discrete.matrices import Matrices
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
-from actionopt.mechanics.obstacle import Arc
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.discrete.matrices.layout import border_matrix
+from actionopt.discrete.matrices.matrices import Matrices
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.question.held import Held
+from actionopt.mechanics.question.obstacle import Arc
+from actionopt.mechanics.question.problem import Event, Periodic, Problem
 from actionopt.mechanics.system import System
 
 # A backward stable solve is wrong by the condition of the matrix times rounding, some 1e2 of it.
@@ -63,13 +63,13 @@ STORED = {
 def stored(request, monkeypatch):
     elements, inner = STORED[request.param]
     if inner is not None:
-        monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", inner)
-        monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+        monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", inner)
+        monkeypatch.setattr("actionopt.discrete.matrices.layout.FILLED", 1.0)
     if request.param == "in parts":
-        monkeypatch.setattr("actionopt.discrete.blocks.PLACES_AT_ONCE", 1)
-        monkeypatch.setattr("actionopt.discrete.blocks.AT_HAND", 1)
+        monkeypatch.setattr("actionopt.discrete.matrices.blocks.PLACES_AT_ONCE", 1)
+        monkeypatch.setattr("actionopt.discrete.matrices.blocks.AT_HAND", 1)
     if request.param == "kept":
-        monkeypatch.setattr("actionopt.discrete.layout.KEPT_SIZE", 0)
+        monkeypatch.setattr("actionopt.discrete.matrices.layout.KEPT_SIZE", 0)
     return request.param, elements
 
 
@@ -120,7 +120,7 @@ def test_solutions_are_those_of_a_dense_solver(kind, stored):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("elements", [1, 2, 3, 12, 41, 80])
 def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
-    monkeypatch.setattr("actionopt.discrete.layout.FULL_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.FULL_SIZE", 0)
     layout, nonzeros, dense = matrix_of(kind, ("blocks", elements))
     right = np.random.default_rng(3).normal(size=layout.size)
     found = Condensed(layout.blocks, nonzeros).solve(right)
@@ -294,7 +294,7 @@ def matrix_with(monkeypatch, shape, kind, lengths=(0.7, 1.3, 2.0), border=(), el
     mesh = Mesh(np.linspace(0, 2, elements + 1), 1 + np.arange(elements) % 3)
     problem, sides = SHAPES[shape](kind, mesh), []
     for inner in (0, 60):
-        monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", inner)
+        monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", inner)
         problem.system.layouts.clear()
         tr = Transcription(problem, mesh, np.array(lengths))
         z = np.random.default_rng(elements).uniform(-1, 1, tr.layout.size)
@@ -314,9 +314,9 @@ def matrix_with(monkeypatch, shape, kind, lengths=(0.7, 1.3, 2.0), border=(), el
 def in_blocks(monkeypatch):
     """Store all matrices in blocks that may be, and make none of them full."""
     for name, value in (("layout.FILLED", 1.0), ("layout.SLIM", 0), ("layout.FULL_SIZE", 0)):
-        monkeypatch.setattr(f"actionopt.discrete.{name}", value)
-    monkeypatch.setattr("actionopt.discrete.blocks.PLACES_AT_ONCE", 4)
-    monkeypatch.setattr("actionopt.discrete.blocks.FULL_SIZE", 12)
+        monkeypatch.setattr(f"actionopt.discrete.matrices.{name}", value)
+    monkeypatch.setattr("actionopt.discrete.matrices.blocks.PLACES_AT_ONCE", 4)
+    monkeypatch.setattr("actionopt.discrete.matrices.blocks.FULL_SIZE", 12)
     return monkeypatch
 
 
@@ -349,10 +349,10 @@ LARGE = [("open", "plain"), ("open", "sphere"), ("open", "drag"), ("contact", "p
 @pytest.mark.quick("open-sphere", "open-drag")
 @pytest.mark.parametrize(("shape", "kind"), LARGE)
 def test_large_elements_keep_what_couples_two_nodes_by_itself(in_blocks, shape, kind):
-    in_blocks.setattr("actionopt.discrete.blocks.AT_HAND", 1)
+    in_blocks.setattr("actionopt.discrete.matrices.blocks.AT_HAND", 1)
     found = []
     for few in (0.0, 2.0):
-        in_blocks.setattr("actionopt.discrete.layout.FEW_ACROSS", few)
+        in_blocks.setattr("actionopt.discrete.matrices.layout.FEW_ACROSS", few)
         layout, nonzeros, _ = matrix_with(in_blocks, shape, kind, elements=6)
         assert (layout.blocks.across is not None) == (few > 0)
         test_blocks_of_any_path_with_a_border(in_blocks, shape, kind)
@@ -402,8 +402,8 @@ def test_a_closed_path_whose_coordinates_differ_much_in_size(in_blocks, kind, bo
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_sparse_matrix_with_a_border(monkeypatch, kind):
-    monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
-    monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.FILLED", 1.0)
     layout, nonzeros, dense = matrix_of(kind, ("sparse", 12))
     edges = np.random.default_rng(7).normal(size=(2, layout.size, 2))
     layout, nonzeros = border_matrix(layout, nonzeros, edges[0], edges[1].T, np.eye(2))
@@ -418,8 +418,8 @@ def test_a_sparse_matrix_with_a_border(monkeypatch, kind):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("kind", ["plain", "sphere"])
 def test_the_inertia_of_a_sparse_matrix_with_a_border(monkeypatch, kind, sign):
-    monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
-    monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.FILLED", 1.0)
     layout, nonzeros, dense = matrix_of(kind, ("sparse", 12))
     B, D = np.random.default_rng(7).normal(size=(layout.size, 3)), sign * np.eye(3)
     layout, nonzeros = border_matrix(layout, nonzeros, B, B.T, D)
@@ -456,7 +456,7 @@ def test_a_matrix_near_another_is_solved_by_its_factors():
 @pytest.mark.parametrize("kind", ["free", "sphere"])
 def test_what_is_inside_elements_is_solved_for_element_by_element(monkeypatch, kind):
     """Elements of one degree share a pattern; where elements meet nothing moves."""
-    monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", 0)
     system = System(springs, list("xyz"), constraint=sphere if kind == "sphere" else None)
     problem = Problem(system, Event(0, [0, 0, 0]), Event(1, [1, 1, 1]))
     tr = Transcription(problem, Mesh(np.linspace(0, 1, 5), [3, 4, 3, 4]), np.ones(3))
@@ -484,6 +484,6 @@ def test_the_inertia_of_a_small_matrix_with_a_border(monkeypatch, duration, sign
     layout, nonzeros = border_matrix(layout, nonzeros, B, B.T, D)
     asked = []
     signs = lambda A: asked.append(A) or negative_signs(A)  # noqa: E731
-    monkeypatch.setattr("actionopt.discrete.factors.negative_signs", signs)
+    monkeypatch.setattr("actionopt.discrete.matrices.factors.negative_signs", signs)
     assert Factors(layout, nonzeros).negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
     assert len(asked[0]) == (3 if definite else len(dense))  # the eigenvalues of the border

@@ -102,7 +102,7 @@ def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):
     """A few solutions tell: on 10,000 elements the index tripled the time of the solve."""
     long = scenes.get("double_pendulum", end=(0.3, 0.2), duration=0.5).problem
     coarse = ao.solve(long, tol=1e-6)
-    monkeypatch.setattr("actionopt.analysis.index.inertia", None)
+    monkeypatch.setattr("actionopt.analysis.quadratic.index.inertia", None)
     mesh = ao.Mesh.uniform(0.0, 0.5, 3000, 4)
     assert ao.solve(long, mesh=mesh, guess=coarse).success
 

@@ -5,10 +5,10 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.resolution import DEGREES
-from actionopt.discrete.transcription import Transcription
-from actionopt.solver.first_mesh import PHASE_PER_ELEMENT, plan_layers, plan_mesh
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.resolution import DEGREES
+from actionopt.solver.refinement.first_mesh import PHASE_PER_ELEMENT, plan_layers, plan_mesh
 
 
 def linear(square, T=1.0, start=0.0):

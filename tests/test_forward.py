@@ -14,8 +14,8 @@ from helpers import a_quarter
 from motions import ellipse, growing, kicked, of_scene, pendulum
 
 from actionopt import Mesh, State, System
-from actionopt.analysis import flow, forward
-from actionopt.analysis.forward import IntegrationError, integrate
+from actionopt.analysis.motion import flow, forward
+from actionopt.analysis.motion.forward import IntegrationError, integrate
 from actionopt.tools.interrupts import _Others
 
 # At the default tol some thousand steps of CVODES make 5e-16 of error each, and the motions here

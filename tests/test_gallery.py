@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgb
 
 from actionopt import Event, Mesh, scenes
 from actionopt.cli import main
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.transcription import Transcription
 from actionopt.gallery import build, builder, story
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.course.pages import OTHERS

@@ -16,7 +16,7 @@ from helpers import a_quarter, of_every_scene, solved
 from actionopt import scenes
 from actionopt.gallery import units
 from actionopt.gallery.texts import texts
-from actionopt.mechanics import written
+from actionopt.mechanics.laws import written
 from actionopt.plot._names import units_of
 from actionopt.tools import formula as F
 from actionopt.tools.mathml import inline, mathml

@@ -8,8 +8,8 @@ import systems
 from helpers import slow
 
 import actionopt as ao
-from actionopt.mechanics.lengths import is_length
-from actionopt.solver.revisions import _nearer, stretch_to_end
+from actionopt.mechanics.laws.lengths import is_length
+from actionopt.solver.kinds.revisions import _nearer, stretch_to_end
 
 
 def sphere(q, v):

@@ -6,11 +6,11 @@ import systems
 from helpers import applies, integrated, transcribed
 
 import actionopt as ao
-from actionopt.discrete.newton import approach, follow
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.newton.newton import approach, follow
 from actionopt.mechanics.system import System
-from actionopt.solver.homotopy import Inertias, newton_homotopy
-from actionopt.solver.resonances import Resonances, _Held
+from actionopt.solver.search.homotopy import Inertias, newton_homotopy
+from actionopt.solver.search.resonances import Resonances, _Held
 
 PENDULUM = systems.pendulum(g=9.81)
 

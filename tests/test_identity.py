@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from actionopt.mechanics.identity import general_states, mismatch, vanishes
+from actionopt.mechanics.laws.identity import general_states, mismatch, vanishes
 
 X = ca.SX.sym("x")
 POINTS = [general_states(1)[0]]  # of all sizes

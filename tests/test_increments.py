@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.factors import full
-from actionopt.discrete.increments import Increments
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.borders.bordered import Bordered
+from actionopt.discrete.matrices.factors import full
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.newton.increments import Increments
 
 FORCED = [False, True]
 

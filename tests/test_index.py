@@ -10,15 +10,15 @@ from helpers import a_quarter, integrated, motion, of_one_leg, slow
 from scipy.optimize import brentq
 
 import actionopt as ao
-import actionopt.analysis.second_variation as second_variation_module
+import actionopt.analysis.quadratic.second_variation as second_variation_module
 from actionopt import scenes
-from actionopt.analysis import regular
-from actionopt.analysis.index import Inertia, inertia, inertia_of
-from actionopt.analysis.jacobi import finer, resolve
-from actionopt.analysis.modes import lowest, second_variation
-from actionopt.analysis.regular import regular_index
-from actionopt.analysis.second_variation import condense
-from actionopt.discrete.factors import kkt_nonzeros
+from actionopt.analysis.quadratic import regular
+from actionopt.analysis.quadratic.index import Inertia, inertia, inertia_of
+from actionopt.analysis.quadratic.jacobi import finer, resolve
+from actionopt.analysis.quadratic.regular import regular_index
+from actionopt.analysis.quadratic.second_variation import condense
+from actionopt.analysis.spectra.modes import lowest, second_variation
+from actionopt.discrete.matrices.factors import kkt_nonzeros
 
 EIGENVALUE_TOLERANCE = 1e-9  # relative; the path and its modes are resolved to better than 1e-8
 MASS, STIFFNESS = 2.0, 8.0
@@ -334,9 +334,9 @@ def test_plain_solve_counts_nothing(monkeypatch):
         raise AssertionError("nobody asked for the second variation")
 
     for name in (
-        "actionopt.analysis.index.regular_index",
-        "actionopt.analysis.jacobi.resolve",
-        "actionopt.analysis.jacobi.fields",
+        "actionopt.analysis.quadratic.index.regular_index",
+        "actionopt.analysis.quadratic.jacobi.resolve",
+        "actionopt.analysis.quadratic.jacobi.fields",
     ):
         monkeypatch.setattr(name, asked)
     solution = oscillation(2.6)

@@ -12,13 +12,13 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import actionopt as ao
-from actionopt.families import centres
-from actionopt.families.centres import FIRST_DISTANCE, _fates, guesses
-from actionopt.mechanics.rest import rest
-from actionopt.solver import revisions
+from actionopt.families.searches import centres
+from actionopt.families.searches.centres import FIRST_DISTANCE, _fates, guesses
+from actionopt.mechanics.question.rest import rest
+from actionopt.solver.ends.window import explain_short_window, for_search, restrict_guess
+from actionopt.solver.kinds import revisions
+from actionopt.solver.search.strategies import GUESS_ONLY
 from actionopt.solver.solve import solve_near
-from actionopt.solver.strategies import GUESS_ONLY
-from actionopt.solver.window import explain_short_window, for_search, restrict_guess
 
 INF = math.inf
 

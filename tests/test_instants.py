@@ -7,9 +7,9 @@ from helpers import a_quarter
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.boundaries import carry_boundaries, sides, with_boundaries
-from actionopt.discrete.mesh import Mesh
-from actionopt.mechanics.compiled import Pointwise
+from actionopt.discrete.meshes.boundaries import carry_boundaries, sides, with_boundaries
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.laws.compiled import Pointwise
 
 C = 0.3718
 

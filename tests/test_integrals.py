@@ -17,9 +17,9 @@ from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipk, mathieu_a, mathieu_b
 
 import actionopt as ao
-from actionopt.mechanics.consistency import check_integrals
-from actionopt.mechanics.course import check_free
-from actionopt.solver.waves import first_waves
+from actionopt.mechanics.question.consistency import check_integrals
+from actionopt.mechanics.question.course import check_free
+from actionopt.solver.search.waves import first_waves
 from actionopt.tools.types import EPS
 
 STRAIGHT = systems.particle(integral=lambda q, v, t: q[0])

@@ -6,11 +6,11 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
-from actionopt.analysis.jacobi import _stationary, fields, finer, improve
-from actionopt.analysis.second_variation import form
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
+from actionopt.analysis.quadratic.jacobi import _stationary, fields, finer, improve
+from actionopt.analysis.quadratic.second_variation import form
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath
 
 
 def at_rest(lagrangian, T=1.0, elements=5, degree=12, start=0.0):

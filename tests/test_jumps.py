@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from actionopt import State, System
-from actionopt.mechanics.jumps import across, jumps
+from actionopt.mechanics.question.jumps import across, jumps
 
 
 def found(lagrangian, t0=0.0, t1=1.0, n=1, q=0.7, v=1.3, **options):

@@ -15,9 +15,9 @@ from helpers import a_quarter, of_every_scene, of_one_leg, solved
 
 import actionopt as ao
 from actionopt import plot, scenes
-from actionopt.discrete.factors import kkt_nonzeros
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.expressions import Expressions
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.factors import kkt_nonzeros
+from actionopt.mechanics.laws.expressions import Expressions
 from actionopt.plot.live import javascript
 from actionopt.plot.live.data import PAGE_MESHES, data
 from actionopt.plot.live.drawing import drawing, trace_shapes

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.solver.durations import barrier, explain_rest
-from actionopt.solver.first_paths import straight
-from actionopt.solver.lowest_pass import explain_leg, lowest_pass
+from actionopt.solver.ends.durations import barrier, explain_rest
+from actionopt.solver.ends.lowest_pass import explain_leg, lowest_pass
+from actionopt.solver.kinds.first_paths import straight
 
 
 def wells(energy, n=2, mass=1.0):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from actionopt import scenes
-from actionopt.discrete.factors import full
-from actionopt.discrete.marquardt import _Masses, settle
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.factors import full
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.newton.marquardt import _Masses, settle
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
 
 MESH = Mesh(np.array([0.0, 0.4, 1.0]), (3, 4))

@@ -6,8 +6,14 @@ import systems
 from helpers import same_bits
 
 from actionopt import Event, Problem, System
-from actionopt.analysis.shooting import about, integrate
-from actionopt.solver.two_sided_shooting import MOST_PAIRS, hits, join_motions, meetings, nearest
+from actionopt.analysis.quadratic.shooting import about, integrate
+from actionopt.solver.search.two_sided_shooting import (
+    MOST_PAIRS,
+    hits,
+    join_motions,
+    meetings,
+    nearest,
+)
 
 OSCILLATOR = systems.oscillator("x y")
 PENDULUM = systems.pendulum("angle")

@@ -6,10 +6,10 @@ import systems
 from helpers import applies
 
 import actionopt as ao
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import follow
-from actionopt.discrete.transcription import Transcription
-from actionopt.solver.minimax import climb, free_ends
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.newton.newton import follow
+from actionopt.solver.search.minimax import climb, free_ends
 
 # x'' = -x^3 has x = A cn(A t), m = 1/2, with the quarter period K / A and cn(K / 2) as below.
 K, HALF = 1.8540746773013719, (1 + 2**0.5) ** -0.5

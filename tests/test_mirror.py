@@ -12,11 +12,11 @@ from helpers import a_quarter, same_bits
 
 import actionopt as ao
 from actionopt import Event, Mesh, Periodic, Problem, System
-from actionopt.analysis.conjugate import conjugate_points
-from actionopt.analysis.modes import second_variation
-from actionopt.analysis.second_variation import form
-from actionopt.discrete.path import Path
-from actionopt.solver.workspace import Workspace
+from actionopt.analysis.quadratic.second_variation import form
+from actionopt.analysis.spectra.conjugate import conjugate_points
+from actionopt.analysis.spectra.modes import second_variation
+from actionopt.discrete.meshes.path import Path
+from actionopt.solver.refinement.workspace import Workspace
 
 SAME = 1e-6  # of figures such as round-off, where a decomposition chooses its own signs
 

@@ -7,11 +7,11 @@ import pytest
 import systems
 from helpers import motion, transcribed
 
-from actionopt.discrete.factors import Factors
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import CONTRACTION, _residual_change, _steps, follow
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.factors import Factors
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.newton.newton import CONTRACTION, _residual_change, _steps, follow
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 

@@ -14,18 +14,19 @@ from helpers import a_quarter, slow
 import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
-from actionopt.discrete.borders import times_of
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
-from actionopt.families.obstacle_search import curves
-from actionopt.mechanics.held import Held
-from actionopt.mechanics.obstacle import Arc
-from actionopt.mechanics.switches import minimum_parts
-from actionopt.solver import first_contacts, free_contact, least_along
-from actionopt.solver.first_contacts import _where_zero, other_sides
-from actionopt.solver.taut_strings import WayOut, parts_at_zero
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.borders.borders import times_of
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.families.searches.obstacle_search import curves
+from actionopt.mechanics.laws.switches import minimum_parts
+from actionopt.mechanics.question.held import Held
+from actionopt.mechanics.question.obstacle import Arc
+from actionopt.solver.contact import first_contacts, least_along
+from actionopt.solver.contact.first_contacts import _where_zero, other_sides
+from actionopt.solver.contact.taut_strings import WayOut, parts_at_zero
+from actionopt.solver.kinds import free_contact
 from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"

@@ -12,15 +12,15 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt.analysis.status import Status
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import Path
-from actionopt.discrete.surfaces import onto
-from actionopt.families import task
-from actionopt.solver import nearest_points
-from actionopt.solver.free_contact import _ends
-from actionopt.solver.nearest_points import NEAREST_POINTS
-from actionopt.solver.unfixed import Unfixed
-from actionopt.solver.verdict import solution_of
+from actionopt.discrete.borders.surfaces import onto
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
+from actionopt.families.sweeps import task
+from actionopt.solver.kinds import nearest_points
+from actionopt.solver.kinds.free_contact import _ends
+from actionopt.solver.kinds.nearest_points import NEAREST_POINTS
+from actionopt.solver.kinds.unfixed import Unfixed
+from actionopt.solver.refinement.verdict import solution_of
 
 A, B = 2.0, 1.0  # semi-axes
 INSIDE = [0.3, 0.1]  # the evolute: four normals

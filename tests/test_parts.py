@@ -12,56 +12,50 @@ from helpers import fake
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
-from actionopt.analysis import compare, index, shooting
-from actionopt.discrete import bordered, borders, crossing, energy_balance, nodal
-from actionopt.discrete.contact_times import merge_contacts
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import full
-from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
-from actionopt.families import all_paths, budget, searches, vary, velocity_scan
-from actionopt.families.path_store import PackedPaths
-from actionopt.families.retry import retry_of
-from actionopt.mechanics import written as written_laws
-from actionopt.mechanics.obstacle import Arc, put_on_obstacle
-from actionopt.solver import (
-    arguments,
-    closed,
+from actionopt.analysis.motion import compare
+from actionopt.analysis.quadratic import index, shooting
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.between_nodes import crossing, energy_balance
+from actionopt.discrete.borders import bordered, borders
+from actionopt.discrete.borders.contact_times import merge_contacts
+from actionopt.discrete.matrices.factors import full
+from actionopt.discrete.meshes import nodal
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.families import vary
+from actionopt.families.searches import all_paths, searches, velocity_scan
+from actionopt.families.sweeps import budget
+from actionopt.families.sweeps.path_store import PackedPaths
+from actionopt.families.sweeps.retry import retry_of
+from actionopt.mechanics.laws import written as written_laws
+from actionopt.mechanics.question.obstacle import Arc, put_on_obstacle
+from actionopt.solver.contact import first_contacts, touching
+from actionopt.solver.contact.taut_strings import Ways
+from actionopt.solver.contact.touching import _part_moments
+from actionopt.solver.ends import closed, durations, window
+from actionopt.solver.input import arguments, preflight
+from actionopt.solver.kinds import (
     closed_contact,
-    descent,
-    durations,
-    family,
-    first_contacts,
     first_paths,
     free_contact,
-    ipopt,
-    iterate,
-    near_guess,
     nearest_points,
     passing_times,
-    preflight,
-    refine,
-    resonances,
     revisions,
     through,
-    touching,
-    two_sided_shooting,
     unfixed,
-    waves,
-    window,
 )
-from actionopt.solver.between import Choices
-from actionopt.solver.first_paths import FirstPaths
-from actionopt.solver.homotopy import HomotopyCurve
-from actionopt.solver.ray_tracing import RAY_SPEEDS, ClosedRayTracer, RayTracer
-from actionopt.solver.rays import BEST_RAYS, RAY_SPREAD, RaySearch, ways_on
-from actionopt.solver.record import Record
-from actionopt.solver.search import BUDGET, Search
-from actionopt.solver.strategies import STRATEGIES
-from actionopt.solver.taut_strings import Ways
-from actionopt.solver.touching import _part_moments
-from actionopt.solver.unfixed import Unfixed
-from actionopt.solver.workspace import Workspace
+from actionopt.solver.kinds.between import Choices
+from actionopt.solver.kinds.first_paths import FirstPaths
+from actionopt.solver.kinds.ray_tracing import RAY_SPEEDS, ClosedRayTracer, RayTracer
+from actionopt.solver.kinds.rays import BEST_RAYS, RAY_SPREAD, RaySearch, ways_on
+from actionopt.solver.kinds.unfixed import Unfixed
+from actionopt.solver.refinement import descent, family, ipopt, iterate, refine
+from actionopt.solver.refinement.record import Record
+from actionopt.solver.refinement.workspace import Workspace
+from actionopt.solver.search import near_guess, resonances, two_sided_shooting, waves
+from actionopt.solver.search.homotopy import HomotopyCurve
+from actionopt.solver.search.search import BUDGET, Search
+from actionopt.solver.search.strategies import STRATEGIES
 from actionopt.tools import mathml
 
 FREE = systems.particle("x y")

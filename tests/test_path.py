@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import Path
-from actionopt.solver.other_curves import read_curve
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
+from actionopt.solver.input.other_curves import read_curve
 
 EPS = np.finfo(float).eps
 MIXED = Mesh([0.0, 0.3, 1.0, 1.25, 4.0], [3, 5, 3, 1])  # two elements of one degree, apart

@@ -8,9 +8,9 @@ from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import Periodic, plot, scenes
-from actionopt.analysis import shooting
-from actionopt.analysis.monodromy import Monodromy
-from actionopt.discrete.borders import PhaseCondition
+from actionopt.analysis.quadratic import shooting
+from actionopt.analysis.spectra.monodromy import Monodromy
+from actionopt.discrete.borders.borders import PhaseCondition
 
 CLOSED = 1e-10  # return of position and momentum
 

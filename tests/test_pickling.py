@@ -12,8 +12,8 @@ from helpers import a_quarter, solved
 
 import actionopt as ao
 from actionopt import Event, Problem, System, scenes
-from actionopt.mechanics import pickling
-from actionopt.mechanics.laws import Laws
+from actionopt.mechanics.laws import pickling
+from actionopt.mechanics.laws.laws import Laws
 
 DERIVED = ("first", "second", "value", "energy", "motion")
 

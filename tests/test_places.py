@@ -4,10 +4,10 @@ import numpy as np
 from helpers import applies, integrated
 
 import actionopt as ao
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import approach
-from actionopt.discrete.transcription import Transcription
-from actionopt.solver.component_newton import settle_by_component
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.newton.newton import approach
+from actionopt.solver.refinement.component_newton import settle_by_component
 
 
 def force(q):

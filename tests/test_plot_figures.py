@@ -15,7 +15,7 @@ from matplotlib.tri import Triangulation
 import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.gallery.figures import cut
-from actionopt.mechanics.symmetry import cyclic
+from actionopt.mechanics.conservation.symmetry import cyclic
 from actionopt.plot._style import styled_figures
 from actionopt.plot.data import fan
 from actionopt.plot.data.variations import directions, over_modes, sizes, telling

@@ -6,10 +6,10 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
-from actionopt.discrete.projection import project
-from actionopt.discrete.transcription import Transcription
-from actionopt.solver.preflight import check
-from actionopt.solver.verdict import _events_off_constraints
+from actionopt.discrete.action.projection import project
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.solver.input.preflight import check
+from actionopt.solver.refinement.verdict import _events_off_constraints
 
 
 def kinetic(v):

@@ -7,8 +7,8 @@ import pytest
 import systems
 
 from actionopt import scenes
-from actionopt.mechanics.events import Event, Periodic, State, _shift
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.events import Event, Periodic, State, _shift
+from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
 
 

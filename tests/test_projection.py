@@ -5,10 +5,10 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.projection import project, project_on
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.discrete.action.projection import project, project_on
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.question.problem import Event, Problem
 
 CLOSE = 1e-9  # of the surface; a step below 1e-8 is the last
 NORMAL, LENGTHS = np.array([1.0, 2.0]), np.array([0.5, 3.0])

@@ -71,7 +71,7 @@ def objects():
         *(swept, ao.trace(QUESTION, "t1", 2.05), SEARCHES["solve_all"]()),
         *(ao.find_symmetries(plane)[0], ao.noether(plane, lambda q, t: [q[1], -q[0]])),
         *(ao.ConjugatePoint(1.0, 2), ao.Contact(0, 1.0, ao.State(0.0, row, row), True)),
-        ao.families.marks.Mark("fold", 1.0, path, 0, 1),
+        ao.families.traces.marks.Mark("fold", 1.0, path, 0, 1),
         *(ao.SolveError("no path", solved), ao.IntegrationError("no motion")),
         *(plot.SI, shapes, plot.bundle_data(solved, 3), plot.curves(solved, 300)),
         *(plot.conserved_data(solved, 9), plot.energies_data(solved, 9)),

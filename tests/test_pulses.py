@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.tools.lobatto import lgl
 from benchmarks.stress.families.pulses import FWHM, closed_form, kicked, places
 from benchmarks.stress.families.pulses import systems as systems_of_pulses

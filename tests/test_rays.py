@@ -8,15 +8,15 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.solver.ray_tracing import (
+from actionopt.solver.kinds.ray_tracing import (
     EVENT_MISSED,
     RAY_SLOWER,
     RAYS,
     ClosedRayTracer,
     RayTracer,
 )
-from actionopt.solver.rays import BEST_RAYS, RaySearch
-from actionopt.solver.through import starts
+from actionopt.solver.kinds.rays import BEST_RAYS, RaySearch
+from actionopt.solver.kinds.through import starts
 
 FREE = systems.particle("x y")
 ELLIPSE = ao.Bounce(lambda q, t: 1 - (q[0] / 2) ** 2 - q[1] ** 2)

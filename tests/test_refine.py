@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, Status, scenes
-from actionopt.solver.refine import _finer, refine, solve_on
-from actionopt.solver.workspace import Workspace
+from actionopt.solver.refinement.refine import _finer, refine, solve_on
+from actionopt.solver.refinement.workspace import Workspace
 
 
 def found(problem, elements=4, degree=6):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from helpers import same_bits
 
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import Resolution, cheapest_mesh, resolution
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.meshes.resolution import Resolution, cheapest_mesh, resolution
 from actionopt.tools.lobatto import lgl
 
 ONE = np.ones(1)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.solver.between import Choices
-from actionopt.solver.rest_between import path_to_rest
-from actionopt.solver.strategies import STRATEGIES
+from actionopt.solver.kinds.between import Choices
+from actionopt.solver.kinds.rest_between import path_to_rest
+from actionopt.solver.search.strategies import STRATEGIES
 
 # V = -(1 - x^2)^2 / 2 - y^2 / 2 is highest, and zero, at rest at x = 1 and x = -1
 TOPS = ao.System(lambda q, v, t: v @ v / 2 + (1 - q[0] ** 2) ** 2 / 2 + q[1] ** 2 / 2, ["x", "y"])

@@ -15,9 +15,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from actionopt import Event, Mesh, Path, Periodic, integrate, monodromy, scenes, solve
-from actionopt.mechanics.held import Held
-from actionopt.mechanics.obstacle import Arc
-from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
+from actionopt.mechanics.laws.tracing import MULTIPLIERS, SWITCHES
+from actionopt.mechanics.question.held import Held
+from actionopt.mechanics.question.obstacle import Arc
 from actionopt.scenes._elliptic import complete, jacobi
 
 # An interpolant of degree 16 on 16 elements resolves these curves to rounding; its derivative

@@ -8,9 +8,9 @@ import pytest
 from helpers import a_quarter
 
 import actionopt as ao
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.second_quadrature import departure
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.second_quadrature import departure
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.tools.lobatto import lgl
 
 

@@ -10,8 +10,8 @@ import systems
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis.sensitivity import _check_contacts
-from actionopt.mechanics.obstacle import Arc
+from actionopt.analysis.quadratic.sensitivity import _check_contacts
+from actionopt.mechanics.question.obstacle import Arc
 
 # A central difference with step h of size 1e-4 (relative) leaves h^2 S''' / 6, removed once by
 # Richardson's extrapolation, and 1e-13 / h of rounding.

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.mechanics import separable
-from actionopt.mechanics.switches import narrowness
-from actionopt.mechanics.tracing import stack
+from actionopt.mechanics.laws import separable
+from actionopt.mechanics.laws.switches import narrowness
+from actionopt.mechanics.laws.tracing import stack
 from actionopt.tools.tape import Tape
 
 TABLE = ca.interpolant(

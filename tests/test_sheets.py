@@ -5,8 +5,8 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.families.batch import solve_run
-from actionopt.families.sheets import leaps, sheets
+from actionopt.families.sweeps.batch import solve_run
+from actionopt.families.sweeps.sheets import leaps, sheets
 
 ALL = np.ones((30, 40), dtype=bool)
 X, Y = np.meshgrid(np.linspace(-1, 1, 30), np.linspace(-1, 1, 40), indexing="ij")

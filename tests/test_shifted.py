@@ -6,9 +6,9 @@ import systems
 from helpers import a_quarter, motion
 
 import actionopt as ao
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.shifted import shift_path
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.shifted import shift_path
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
 
 KEPLER = ao.System(
     lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 + 1 / np.sqrt(q[0] ** 2 + q[1] ** 2), ["x", "y"]

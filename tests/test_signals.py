@@ -11,13 +11,14 @@ import systems
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis import index
-from actionopt.discrete.factors import Factors
-from actionopt.solver import strategies, through
-from actionopt.solver.search import EXPENSIVE, Strategy
-from actionopt.solver.signals import status_of
+from actionopt.analysis.quadratic import index
+from actionopt.discrete.matrices.factors import Factors
+from actionopt.solver.kinds import through
+from actionopt.solver.refinement.signals import status_of
+from actionopt.solver.refinement.workspace import PATIENT
+from actionopt.solver.search import strategies
+from actionopt.solver.search.search import EXPENSIVE, Strategy
 from actionopt.solver.solve import BY_METHOD, solve_near
-from actionopt.solver.workspace import PATIENT
 from actionopt.tools.interrupts import leave_interruptions
 from actionopt.tools.watch import OutOfTime, Spent, Watch, check_time
 
@@ -153,7 +154,7 @@ def singular():
 @pytest.mark.parametrize("first", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_singular_matrices_end_in_a_verdict(monkeypatch, name, first):
     problem = QUESTIONS[name]
-    monkeypatch.setattr("actionopt.solver.search.BUDGET", 1000)
+    monkeypatch.setattr("actionopt.solver.search.search.BUDGET", 1000)
     with monkeypatch.context() as broken:
         counting(broken, first, singular)
         found = ao.solve(problem, throw=False)
@@ -205,7 +206,7 @@ def test_first_paths_through_events_are_sought_in_the_time_that_is_left(monkeypa
 @pytest.mark.long
 def test_factors_that_take_longer_than_what_is_left_are_not_begun(monkeypatch):
     scene = scenes.get("chain", links=40, l=1.0 / 40, amplitude=0.1)
-    monkeypatch.setattr("actionopt.discrete.factors.STEP_SECONDS", 1.0)
+    monkeypatch.setattr("actionopt.discrete.matrices.factors.STEP_SECONDS", 1.0)
     found = ao.solve(scene.problem, guess=scene.guess, seconds=60.0, throw=False)
     assert found.status is ao.Status.OUT_OF_TIME
 
@@ -215,7 +216,7 @@ def test_a_guess_is_worth_no_search_of_its_own(monkeypatch):
     """Where nothing is near a guess, no other first path to the surface is made."""
     spring = systems.oscillator()
     end = ao.Event(np.pi, None, on=lambda q, t: q[0] - 1)  # conjugate to the start
-    monkeypatch.setattr("actionopt.solver.nearest_points.points", None)
+    monkeypatch.setattr("actionopt.solver.kinds.nearest_points.points", None)
     found = ao.solve(ao.Problem(spring, ao.Event(0, [0]), end), guess=[[0, 1]], throw=False)
     assert not found.success
 

@@ -5,9 +5,9 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.analysis import shooting
-from actionopt.analysis.shooting import integrate
-from actionopt.solver.single_shooting import SPANS, MissUnits, _aim, arrivals, misses
+from actionopt.analysis.quadratic import shooting
+from actionopt.analysis.quadratic.shooting import integrate
+from actionopt.solver.kinds.single_shooting import SPANS, MissUnits, _aim, arrivals, misses
 
 SPRING = systems.oscillator()
 

@@ -9,8 +9,8 @@ from scipy.optimize import brentq, fsolve
 from scipy.special import jn_zeros, jv
 
 import actionopt as ao
-from actionopt.analysis.flow import IntegrationError
-from actionopt.mechanics.singular_ends import nonfinite
+from actionopt.analysis.motion.flow import IntegrationError
+from actionopt.mechanics.question.singular_ends import nonfinite
 
 AREA = {3: 4 * np.pi, 4: 2 * np.pi**2}  # of the unit sphere in D dimensions
 

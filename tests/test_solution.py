@@ -10,8 +10,8 @@ from helpers import solved
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, plot, scenes
 from actionopt.analysis.status import Status
-from actionopt.families.grid import Grid
-from actionopt.families.path_store import PackedPaths
+from actionopt.families.sweeps.grid import Grid
+from actionopt.families.sweeps.path_store import PackedPaths
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from scipy.integrate import solve_bvp
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, SolveError, Status, System, scenes
-from actionopt.analysis.jacobi import resolve
-from actionopt.discrete.transcription import Transcription
+from actionopt.analysis.quadratic.jacobi import resolve
+from actionopt.discrete.action.transcription import Transcription
 
 EPS = np.finfo(float).eps
 TOLS = (1e-3, 1e-6, 1e-9, 1e-12)

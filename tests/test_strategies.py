@@ -12,11 +12,11 @@ from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
-from actionopt.discrete.transcription import Transcription
-from actionopt.solver.near_guess import COARSE_GUESS, GUESS_MESHES, _fine_enough
-from actionopt.solver.search import BUDGET, Search, Strategy
-from actionopt.solver.solve import solve_near
-from actionopt.solver.strategies import (
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.solver.refinement.workspace import Workspace
+from actionopt.solver.search.near_guess import COARSE_GUESS, GUESS_MESHES, _fine_enough
+from actionopt.solver.search.search import BUDGET, Search, Strategy
+from actionopt.solver.search.strategies import (
     IPOPT,
     MEETING_LOST,
     STRATEGIES,
@@ -24,7 +24,7 @@ from actionopt.solver.strategies import (
     Root,
     TwoSidedShooting,
 )
-from actionopt.solver.workspace import Workspace
+from actionopt.solver.solve import solve_near
 from actionopt.tools.watch import Spent, Watch
 
 
@@ -319,7 +319,9 @@ def test_few_motions_that_meet_are_refined_where_none_can_be(monkeypatch):
     mesh = ao.Mesh.uniform(scene.problem.start.t, scene.problem.end.t, 4, 8)
     guess = Path.interpolate(scene.exact, mesh)
     groups = [iter([guess] * 9), iter([guess] * 2)]
-    monkeypatch.setattr("actionopt.solver.two_sided_shooting.curves", lambda *_: iter(groups))
+    monkeypatch.setattr(
+        "actionopt.solver.search.two_sided_shooting.curves", lambda *_: iter(groups)
+    )
     monkeypatch.setattr(Search, "refine", unresolved)
     assert TwoSidedShooting("meeting", (8, 16)).attempt(search) is ao.Status.NOT_FOUND
     assert len(refined) == MEETING_LOST + 2

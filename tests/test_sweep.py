@@ -23,13 +23,14 @@ from helpers import slow
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
-from actionopt.discrete.factors import Factors
-from actionopt.families import batch, budget, continuation
-from actionopt.families import sweep as module
-from actionopt.families.grid import Grid
-from actionopt.families.path_store import PackedPaths
-from actionopt.families.retry import _without, check_sent
-from actionopt.families.runs import Runs
+from actionopt.discrete.matrices.factors import Factors
+from actionopt.families import continuation
+from actionopt.families.sweeps import batch, budget
+from actionopt.families.sweeps import sweep as module
+from actionopt.families.sweeps.grid import Grid
+from actionopt.families.sweeps.path_store import PackedPaths
+from actionopt.families.sweeps.retry import _without, check_sent
+from actionopt.families.sweeps.runs import Runs
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
 PENDULUM = scenes.get("pendulum").problem
@@ -231,7 +232,7 @@ def test_slopes_are_those_of_the_action():
 def test_slopes_of_members_that_are_solved_alone(monkeypatch):
     over = {"t1": np.linspace(0.7, 0.8, 4), "g": [9.0, 10.0], ("end", "theta"): [0.0, 0.1]}
     together = ao.sweep(PENDULUM, over)
-    monkeypatch.setattr("actionopt.families.batch._can_be_stacked", lambda *_: False)
+    monkeypatch.setattr("actionopt.families.sweeps.batch._can_be_stacked", lambda *_: False)
     alone = ao.sweep(PENDULUM, over)
     assert (alone.stats["alone"], together.stats["alone"]) == (16, 1)
     assert alone.slopes == pytest.approx(together.slopes, rel=1e-7)
@@ -537,7 +538,7 @@ def test_a_retry_finds_the_same_bits_on_any_executor(holes, pool):
 
 @pytest.mark.long
 def test_an_interrupted_retry_goes_on(holes, tmp_path, monkeypatch):
-    from actionopt.families import runs as module
+    from actionopt.families.sweeps import runs as module
 
     monkeypatch.setattr(module, "RETRY_MEMBERS", 1)
     runs, _ = holes
@@ -646,7 +647,7 @@ WAITS = """
     import actionopt as ao
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
-    from actionopt.families import sweep as module
+    from actionopt.families.sweeps import sweep as module
     from actionopt.scenes import get
 
     def slow(*given):

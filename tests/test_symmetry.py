@@ -7,8 +7,14 @@ from helpers import a_quarter, integrated
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.mechanics.noether import points_of
-from actionopt.mechanics.symmetry import _echelon, cyclic, find_symmetries, is_mechanical, noether
+from actionopt.mechanics.conservation.noether import points_of
+from actionopt.mechanics.conservation.symmetry import (
+    _echelon,
+    cyclic,
+    find_symmetries,
+    is_mechanical,
+    noether,
+)
 
 FORMULA_TOLERANCE = 1e-12
 INTEGRATION_TOLERANCE = 1e-9

@@ -10,11 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import actionopt as ao
-from actionopt.discrete.boundaries import carry_boundaries
-from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.lookups import Looked
-from actionopt.mechanics.tables import interp, knots
+from actionopt.discrete.meshes.boundaries import carry_boundaries
+from actionopt.mechanics.laws.compiled import Pointwise
+from actionopt.mechanics.laws.expressions import Expressions
+from actionopt.mechanics.laws.lookups import Looked
+from actionopt.mechanics.laws.tables import interp, knots
 from actionopt.tools.tape import Tape
 
 RANDOM = np.random.default_rng(2)

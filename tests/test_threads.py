@@ -5,12 +5,12 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.analysis.compare import compare
-from actionopt.discrete.factors import negative_eigenvalues
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.solver.ipopt import find
+from actionopt.analysis.motion.compare import compare
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.factors import negative_eigenvalues
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.question.problem import Event, Problem
+from actionopt.solver.refinement.ipopt import find
 from benchmarks.stress.families import threads as family
 
 THREADS = 3

@@ -13,14 +13,14 @@ import systems
 from scipy.optimize import brentq
 
 import actionopt as ao
-from actionopt.analysis.full_form import form_until
-from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import over
-from actionopt.discrete.factors import full
+from actionopt.analysis.spectra.full_form import form_until
+from actionopt.discrete.borders.bordered import Bordered
+from actionopt.discrete.borders.borders import over
+from actionopt.discrete.matrices.factors import full
 from actionopt.plot import fan_data, fronts_data, spectrum_data
-from actionopt.solver import through
-from actionopt.solver.durations import explain_barrier
-from actionopt.solver.through import _join_answers, relax_legs, starts
+from actionopt.solver.ends.durations import explain_barrier
+from actionopt.solver.kinds import through
+from actionopt.solver.kinds.through import _join_answers, relax_legs, starts
 
 FREE = systems.particle("x y")
 OSCILLATOR = systems.oscillator()

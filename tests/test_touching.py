@@ -9,21 +9,21 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import actionopt as ao
-from actionopt.discrete.contact_times import (
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.borders.contact_times import (
     ContactEquations,
     contact_edges,
     merge_contacts,
     slips,
     with_contact_times,
 )
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import full
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.stretch import Stretch
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
-from actionopt.mechanics.obstacle import Arc
-from actionopt.solver.touching import Touching
+from actionopt.discrete.borders.stretch import Stretch
+from actionopt.discrete.matrices.factors import full
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.mechanics.question.held import Held
+from actionopt.mechanics.question.obstacle import Arc
+from actionopt.solver.contact.touching import Touching
 
 SPLINE = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0])
 BEAM = ao.System(

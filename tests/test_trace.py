@@ -11,10 +11,10 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.arclength import Branch, BranchPoint
-from actionopt.families.branch_points import branch_points
-from actionopt.families.marks import Step, locate
-from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
+from actionopt.discrete.borders.arclength import Branch, BranchPoint
+from actionopt.families.traces.branch_points import branch_points
+from actionopt.families.traces.marks import Step, locate
+from actionopt.families.traces.trace import POLE_SIZE, _TraceRun, trace
 from actionopt.families.vary import slope, with_values
 
 OSCILLATOR = ao.System(

@@ -12,12 +12,12 @@ import systems
 from helpers import a_quarter
 from numpy.polynomial import Legendre, Polynomial
 
-from actionopt.discrete.factors import kkt_nonzeros
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.factors import kkt_nonzeros
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.question.problem import Event, Periodic, Problem
 from actionopt.mechanics.system import System
-from actionopt.solver.ipopt import DIVERGING_ITERATES, Attempt, find
+from actionopt.solver.refinement.ipopt import DIVERGING_ITERATES, Attempt, find
 from actionopt.tools import interrupts
 
 EPS = np.finfo(float).eps
@@ -233,9 +233,11 @@ def test_the_matrix_of_a_closed_path_is_the_derivative_of_the_residual(
     monkeypatch, combination, storage
 ):
     """Units of action and coordinates are not one: every part of the matrix has them."""
-    monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 60 if storage == "blocks" else 0)
-    monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
-    monkeypatch.setattr("actionopt.discrete.layout.SLIM", 0)
+    monkeypatch.setattr(
+        "actionopt.discrete.matrices.layout.BLOCK_SIZE", 60 if storage == "blocks" else 0
+    )
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.FILLED", 1.0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.SLIM", 0)
     system = system_of(*combination)
     system.layouts.clear()  # one that another storage made
     problem = Problem(system, Event(0.5, [None, None]), Periodic(2.0, advance=[0.3, 0.0]))

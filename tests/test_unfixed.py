@@ -11,16 +11,16 @@ from scipy.special import ellipk, ellipkinc, ellipkm1
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.factors import full
-from actionopt.families.free_times import _passes
-from actionopt.solver import first_paths
-from actionopt.solver.between import Choices
-from actionopt.solver.durations import straight_passage
-from actionopt.solver.first_paths import FirstPaths, guess_path
-from actionopt.solver.signals import OutOfTime
-from actionopt.solver.strategies import STRATEGIES
-from actionopt.solver.unfixed import Unfixed, _by_ipopt
+from actionopt.discrete.borders.bordered import Bordered
+from actionopt.discrete.matrices.factors import full
+from actionopt.families.searches.free_times import _passes
+from actionopt.solver.ends.durations import straight_passage
+from actionopt.solver.kinds import first_paths
+from actionopt.solver.kinds.between import Choices
+from actionopt.solver.kinds.first_paths import FirstPaths, guess_path
+from actionopt.solver.kinds.unfixed import Unfixed, _by_ipopt
+from actionopt.solver.refinement.signals import OutOfTime
+from actionopt.solver.search.strategies import STRATEGIES
 
 G = 9.81
 

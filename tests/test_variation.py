@@ -7,8 +7,8 @@ from helpers import solved
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis import modes
-from actionopt.analysis.variation import variation
+from actionopt.analysis.spectra import modes
+from actionopt.analysis.spectra.variation import variation
 
 ROUNDING = 1e-13  # of `first`, relative to the terms that cancel in it
 CONSERVATIVE = ("oscillator", "kepler", "double_pendulum", "driven_oscillator", "charge_planar")

@@ -10,8 +10,8 @@ from helpers import a_quarter, same_bits
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.factors import negative_signs
-from actionopt.mechanics.symmetry import find_symmetries
+from actionopt.discrete.matrices.factors import negative_signs
+from actionopt.mechanics.conservation.symmetry import find_symmetries
 from actionopt.tools.progress import Bar, steps, waiting
 from actionopt.tools.watch import OutOfTime, TimeUp, Watch, time_limit
 
@@ -75,7 +75,7 @@ def spent(problem, **options):
 
 
 def test_a_search_ends_when_it_has_cost_its_price(monkeypatch):
-    monkeypatch.setattr("actionopt.solver.search.BUDGET", 500)
+    monkeypatch.setattr("actionopt.solver.search.search.BUDGET", 500)
     limited = spent(bratu())
     assert limited["continuation"] == pytest.approx(500, abs=10)
     assert not limited["meeting"]
@@ -83,7 +83,7 @@ def test_a_search_ends_when_it_has_cost_its_price(monkeypatch):
 
 @pytest.mark.long
 def test_a_search_that_is_given_time_may_cost_more(monkeypatch):
-    monkeypatch.setattr("actionopt.solver.search.BUDGET", 500)
+    monkeypatch.setattr("actionopt.solver.search.search.BUDGET", 500)
     timed = spent(bratu(), seconds=1e3)
     assert timed["continuation"] > 600
     assert timed["meeting"] > 600
@@ -218,8 +218,8 @@ def test_without_a_terminal_there_is_a_line_each_ten_seconds(monkeypatch):
 
 def test_what_takes_longer_than_the_time_left_is_not_begun(monkeypatch):
     """All moves of thirty coordinates, and all eigenvalues of a matrix."""
-    monkeypatch.setattr("actionopt.mechanics.symmetry._null_space", None)
-    monkeypatch.setattr("actionopt.discrete.factors.np.linalg.eigvalsh", None)
+    monkeypatch.setattr("actionopt.mechanics.conservation.symmetry._null_space", None)
+    monkeypatch.setattr("actionopt.discrete.matrices.factors.np.linalg.eigvalsh", None)
     names = [f"x{i}" for i in range(30)]
     chain = ao.System(lambda q, v, t: v @ v / 2 + np.sum(np.cos(q)), names)
     with time_limit(0.5):

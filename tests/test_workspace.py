@@ -10,9 +10,9 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Path, Problem, System, scenes
-from actionopt.solver import workspace
-from actionopt.solver.iterate import ORDINARY, POLYNOMIAL_ROUNDOFF, Iterate, sizes
-from actionopt.solver.workspace import FOLLOWED_REACH, Workspace
+from actionopt.solver.refinement import workspace
+from actionopt.solver.refinement.iterate import ORDINARY, POLYNOMIAL_ROUNDOFF, Iterate, sizes
+from actionopt.solver.refinement.workspace import FOLLOWED_REACH, Workspace
 
 
 def on_the_way(name="pendulum", elements=4, degree=6):

@@ -10,10 +10,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.functions import ParameterInputs
-from actionopt.mechanics.problem import Problem
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.path import Path
+from actionopt.mechanics.laws.functions import ParameterInputs
+from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 

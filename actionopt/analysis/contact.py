@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.analysis.solution import Solution, question
-from actionopt.mechanics.events import State
+from actionopt.mechanics.question.events import State
 from actionopt.tools.bisection import bisect
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.mechanics.scales import NEGLIGIBLE
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.mechanics.question.scales import NEGLIGIBLE
 from actionopt.tools.types import Array
 
 

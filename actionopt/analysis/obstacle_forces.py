@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.path import Path
-from actionopt.mechanics.obstacle import Arc
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.mechanics.question.obstacle import Arc
 from actionopt.tools.types import Array
 
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.discrete.discrete_path import Unknowns
-from actionopt.discrete.path import Path
-from actionopt.mechanics.events import RATES, Bounce, Event, Periodic, Phase, Tail
-from actionopt.mechanics.problem import BetweenEvents, Problem
-from actionopt.mechanics.rest import Rest
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import Unknowns
+from actionopt.mechanics.laws.tracing import ParameterTable
+from actionopt.mechanics.question.events import RATES, Bounce, Event, Periodic, Phase, Tail
+from actionopt.mechanics.question.problem import BetweenEvents, Problem
+from actionopt.mechanics.question.rest import Rest
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import ParameterTable
 from actionopt.tools.files import ready, whole
 from actionopt.tools.types import Array
 

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.status import Status
-from actionopt.discrete.boundaries import split
-from actionopt.discrete.discrete_path import DiscretePath, Unknowns
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import TIME_SLACK, Path
-from actionopt.discrete.resolution import resolution
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.events import State
-from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.singular_ends import finite_derivatives
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.boundaries import split
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import TIME_SLACK, Path
+from actionopt.discrete.meshes.resolution import resolution
+from actionopt.discrete.newton.discrete_path import DiscretePath, Unknowns
+from actionopt.mechanics.question.events import State
+from actionopt.mechanics.question.problem import Problem
+from actionopt.mechanics.question.singular_ends import finite_derivatives
 from actionopt.tools.cached import cached_property
 from actionopt.tools.checks import numbers
 from actionopt.tools.immutable import immutable
@@ -31,12 +31,12 @@ from actionopt.tools.types import Array
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from actionopt.analysis.compare import Comparison
-    from actionopt.analysis.index import Inertia
-    from actionopt.analysis.parts import Part
-    from actionopt.analysis.sensitivity import Sensitivity
-    from actionopt.mechanics.held import Held
-    from actionopt.mechanics.obstacle import Arc
+    from actionopt.analysis.motion.compare import Comparison
+    from actionopt.analysis.motion.parts import Part
+    from actionopt.analysis.quadratic.index import Inertia
+    from actionopt.analysis.quadratic.sensitivity import Sensitivity
+    from actionopt.mechanics.question.held import Held
+    from actionopt.mechanics.question.obstacle import Arc
 
 # Of an element, from an end where L is infinite: where it is asked what grows. Ad hoc.
 BESIDE_END = np.array([1e-2, 1e-4])
@@ -136,11 +136,11 @@ class Solution:
             return self.ends.momenta
         system, parameters = self.problem.system, self.problem.parameters
         if system.order > 1 and system.m:
-            from actionopt.analysis.ostrogradsky import momenta
+            from actionopt.analysis.motion.ostrogradsky import momenta
 
             return _read_only(*momenta(self.between_times.discrete).values.T[[0, -1]])
         if system.order > 1 and (self._is_held_at(0) or self._is_held_at(1)):
-            from actionopt.analysis.ostrogradsky import momenta
+            from actionopt.analysis.motion.ostrogradsky import momenta
 
             ends = self.free_parts[0], self.free_parts[-1]
             p0, p1 = (momenta(part.discrete).values.T for part in ends)
@@ -205,7 +205,7 @@ class Solution:
 
         The momenta are p0 = mu on_q and p1 = -mu on_q, in the coordinates that are free there.
         """
-        from actionopt.discrete.surfaces import reactions
+        from actionopt.discrete.borders.surfaces import reactions
 
         at, surfaces = self.discrete, self.problem.surfaces
         mu = [np.zeros(0) if e is None else reactions(at, -k)[0] for k, e in enumerate(surfaces)]
@@ -257,7 +257,7 @@ class Solution:
         """The legs as answers of their own, each between the two events as they were found."""
         if not self.problem.through:
             return (self.between_times,)
-        from actionopt.analysis.parts import legs
+        from actionopt.analysis.motion.parts import legs
 
         return tuple(self._part(part) for part in legs(self.discrete, self._pieces, self.lam))
 
@@ -269,7 +269,7 @@ class Solution:
         """
         if not (self.problem.system.order > 1 and self.contacts):
             return self.parts
-        from actionopt.analysis.parts import cut_at_contacts
+        from actionopt.analysis.motion.parts import cut_at_contacts
 
         return tuple(self._part(part) for part in cut_at_contacts(self.discrete, self.contacts))
 
@@ -305,7 +305,7 @@ class Solution:
     @cached_property
     def jumps(self) -> tuple[Array, Array]:
         """`impulses` and `energy_jumps`: -dS/dq and dS/dt at events of given place."""
-        from actionopt.discrete.end_times import by_times
+        from actionopt.discrete.borders.end_times import by_times
 
         system, at = self.problem.system, self.discrete
         if not self.problem.through:
@@ -315,7 +315,7 @@ class Solution:
         # The rows that an event of given place has not would push there, too: from both sides.
         p, H = [], []
         if system.order > 1 and self.contacts:
-            from actionopt.analysis.ostrogradsky import energy, momenta
+            from actionopt.analysis.motion.ostrogradsky import energy, momenta
 
             parts, times = self.free_parts, [e.t for e in self.problem.through]
             for before, after in pairwise(parts):
@@ -334,7 +334,7 @@ class Solution:
     @property
     def time_slopes(self) -> Array:
         """dS/dt by the times of all events at fixed coordinates, (k + 2,): H0, jumps of H, -H1."""
-        from actionopt.discrete.end_times import by_times
+        from actionopt.discrete.borders.end_times import by_times
 
         if self.problem.system.order > 1 and (self.problem.system.m or self.contacts):
             # Their rows hold f in the mean over functions of an element's own time.
@@ -443,7 +443,7 @@ class Solution:
         p_2 = dL/da of v, (2 n, K), and so on; after an event that is passed, at its time.
         """
         if self.problem.system.order > 1:
-            from actionopt.analysis.ostrogradsky import momenta
+            from actionopt.analysis.motion.ostrogradsky import momenta
 
             return self._along_legs(momenta, t)
         return self._pointwise("momentum", t)
@@ -454,7 +454,7 @@ class Solution:
         Where L contains accelerations, H = p_1 . v + p_2 . a - L, with `momentum`.
         """
         if self.problem.system.order > 1:
-            from actionopt.analysis.ostrogradsky import energy
+            from actionopt.analysis.motion.ostrogradsky import energy
 
             return self._along_legs(energy, t)[0]
         return self._pointwise("energy", t)
@@ -467,7 +467,7 @@ class Solution:
         """
         if self.problem.system.order == 1:
             return np.stack([self(t), self.velocity(t)])
-        from actionopt.analysis.ostrogradsky import CanonicalPath
+        from actionopt.analysis.motion.ostrogradsky import CanonicalPath
 
         found = self._along_legs(lambda at: CanonicalPath(at, 0.0).derivatives, t)
         system = self.problem.system
@@ -504,7 +504,7 @@ class Solution:
         contains accelerations by those of the polynomials, and with fewer digits.
         """
         if self.problem.system.order > 1:
-            from actionopt.analysis.ostrogradsky import multipliers
+            from actionopt.analysis.motion.ostrogradsky import multipliers
 
             return self._along_legs(multipliers, t)
         return self._pointwise("multipliers", t)
@@ -521,7 +521,7 @@ class Solution:
         """
         if not self.problem.system.r:
             return ()
-        from actionopt.mechanics.held import arcs_of
+        from actionopt.mechanics.question.held import arcs_of
 
         rows = np.isfinite(self.lam[self.problem.system.m :])
         return arcs_of(rows, self.mesh.boundaries, self.mesh.offsets)
@@ -529,7 +529,7 @@ class Solution:
     @cached_property
     def _question(self) -> Held:
         """The question with the rows of the obstacle as constraints where there is contact."""
-        from actionopt.mechanics.held import Held
+        from actionopt.mechanics.question.held import Held
 
         return Held(self.problem, self.contacts)
 
@@ -564,7 +564,7 @@ class Solution:
         For a path whose duration was to be found it is that of S + E T, the duration varying;
         `between_times` has the other.
         """
-        from actionopt.analysis.index import inertia, inertia_asked, inertia_through
+        from actionopt.analysis.quadratic.index import inertia, inertia_asked, inertia_through
 
         if self.problem.is_course and not self.problem.closes:
             return inertia_through(self.discrete, self.error)
@@ -659,7 +659,7 @@ class Solution:
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
-        from actionopt.analysis.sensitivity import sensitivity
+        from actionopt.analysis.quadratic.sensitivity import sensitivity
 
         found = sensitivity(
             self.discrete, self.error, self.momenta, self.impulses, self.time_slopes
@@ -756,16 +756,16 @@ class Solution:
     @cached_property
     def _comparison(self) -> Comparison:
         """The comparison of `compare`. Raises ValueError for a path in contact."""
-        from actionopt.analysis.compare import compare, join
+        from actionopt.analysis.motion.compare import compare, join
 
         if self.problem.system.order > 1 and self.contacts:
-            from actionopt.analysis.ostrogradsky import compare_motion
+            from actionopt.analysis.motion.ostrogradsky import compare_motion
 
             # What an obstacle holds in all coordinates moves as that does.
             parts = [x for x in self.free_parts if x.problem.system.r < x.problem.system.n]
             return join([compare_motion(x.discrete, x.error) for x in parts], 0.0)
         if self.problem.through:
-            from actionopt.analysis.parts import law_deviation
+            from actionopt.analysis.motion.parts import law_deviation
 
             size = np.abs(self.path.values).max(axis=1)
             missed = law_deviation(self.problem, self.parts, size)
@@ -777,7 +777,7 @@ class Solution:
                 "the free parts, each as a problem of its own without the obstacle"
             )
         if self.problem.system.order > 1:
-            from actionopt.analysis.ostrogradsky import compare_motion
+            from actionopt.analysis.motion.ostrogradsky import compare_motion
 
             return compare_motion(self.between_times.discrete, self.error)
         return compare(self)
@@ -870,7 +870,7 @@ def _restore(made: list[Any], mesh: Mesh, unknowns: Unknowns) -> Solution:
     """Return a solution whose path is known as unknowns."""
     problem, lam = made[0], made[3]
     if problem.system.r:
-        from actionopt.mechanics.held import Held, arcs_of
+        from actionopt.mechanics.question.held import Held, arcs_of
 
         arcs = arcs_of(np.isfinite(lam[problem.system.m :]), mesh.boundaries, mesh.offsets)
         problem = Held(problem, arcs)

@@ -20,19 +20,19 @@ from actionopt import scenes
 from actionopt.analysis.saved import ARRAYS, HIGHER, SOLUTION_FORMAT, Detached
 from actionopt.analysis.solution import Ends, Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.action import ActionUnits
-from actionopt.discrete.boundaries import find_boundaries, split
-from actionopt.discrete.discrete_path import DiscretePath, Unknowns
-from actionopt.discrete.mesh import Mesh, with_singular_ends
-from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.events import Bounce, Event, State
-from actionopt.mechanics.held import Held, arcs_of
-from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.scales import NEGLIGIBLE
-from actionopt.mechanics.surface import Surface
+from actionopt.discrete.action.action import ActionUnits
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.boundaries import find_boundaries, split
+from actionopt.discrete.meshes.mesh import Mesh, with_singular_ends
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath, Unknowns
+from actionopt.mechanics.laws.tracing import MULTIPLIERS, SWITCHES
+from actionopt.mechanics.question.events import Bounce, Event, State
+from actionopt.mechanics.question.held import Held, arcs_of
+from actionopt.mechanics.question.problem import Problem
+from actionopt.mechanics.question.scales import NEGLIGIBLE
+from actionopt.mechanics.question.surface import Surface
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.types import Array
 
 # What a file must say twice, relative to its size. Ad hoc: far above the round-off of another

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.tracing import STATE
+from actionopt.mechanics.laws.tracing import STATE
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 

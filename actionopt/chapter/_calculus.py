@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from actionopt.analysis.variation import variation
+from actionopt.analysis.spectra.variation import variation
 from actionopt.chapter._row import (
     RATE_OFF,
     ROUND_OFF,
@@ -14,7 +14,7 @@ from actionopt.chapter._row import (
     times,
     worst,
 )
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 

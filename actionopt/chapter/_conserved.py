@@ -13,7 +13,12 @@ from actionopt.chapter._row import (
     row,
     worst,
 )
-from actionopt.mechanics.symmetry import cyclic, find_symmetries, is_mechanical, noether
+from actionopt.mechanics.conservation.symmetry import (
+    cyclic,
+    find_symmetries,
+    is_mechanical,
+    noether,
+)
 
 
 def _changes(name: str) -> bool:

@@ -3,11 +3,11 @@
 import numpy as np
 
 from actionopt.analysis.contact import contact_loss
-from actionopt.analysis.forward import integrate
+from actionopt.analysis.motion.forward import integrate
 from actionopt.chapter._row import PATH_OFF, RATE_OFF, ROUND_OFF, TOL, Line, along, row, worst
-from actionopt.mechanics.events import State
 from actionopt.mechanics.pfaffian import integrate_pfaffian
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.events import State
+from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 

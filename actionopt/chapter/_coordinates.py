@@ -4,7 +4,7 @@ import numpy as np
 
 from actionopt import scenes
 from actionopt.chapter._row import PATH_OFF, RATE_OFF, ROUND_OFF, TOL, Line, along, path, row, worst
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 

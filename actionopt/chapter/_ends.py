@@ -3,7 +3,7 @@
 import numpy as np
 
 from actionopt.chapter._row import TOL, Line, row, times, worst
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.question.problem import Event, Periodic, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 

@@ -8,7 +8,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from actionopt.mechanics.problem import Problem
+    from actionopt.mechanics.question.problem import Problem
 
 
 def add_question(command: argparse.ArgumentParser) -> None:

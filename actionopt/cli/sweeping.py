@@ -14,7 +14,7 @@ from actionopt.tools.interrupts import leave_interruptions
 from actionopt.tools.table import print_table
 
 if TYPE_CHECKING:
-    from actionopt.families.runs import Runs
+    from actionopt.families.sweeps.runs import Runs
     from actionopt.tools.watch import Progress
 
 
@@ -76,9 +76,9 @@ def run(options: argparse.Namespace) -> int:
     """Solve, print what came of it, and write what is asked for; 130 if interrupted."""
     import numpy as np
 
-    from actionopt.families.grid import Grid
-    from actionopt.families.runs import Runs
-    from actionopt.families.sweep import sweep
+    from actionopt.families.sweeps.grid import Grid
+    from actionopt.families.sweeps.runs import Runs
+    from actionopt.families.sweeps.sweep import sweep
     from actionopt.tools.checks import check_jobs, tolerance
     from actionopt.tools.files import ready
     from actionopt.tools.watch import time_limit

@@ -18,14 +18,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from actionopt.discrete.elimination import (
-    Band,
-    Inverses,
-    RowElimination,
-    invert,
-    multiply,
-)
-from actionopt.discrete.energy_balance import (
+from actionopt.discrete.action.second_quadrature import NO_DEPARTURE, PANEL_COUNTS, inverses
+from actionopt.discrete.between_nodes.energy_balance import (
     AMPLIFIED,
     FEW_ELEMENTS,
     ROUNDOFF,
@@ -33,9 +27,15 @@ from actionopt.discrete.energy_balance import (
     may_step,
     steps_between,
 )
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.second_quadrature import NO_DEPARTURE, PANEL_COUNTS, inverses
-from actionopt.mechanics.columns import Columns
+from actionopt.discrete.matrices.elimination import (
+    Band,
+    Inverses,
+    RowElimination,
+    invert,
+    multiply,
+)
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.laws.columns import Columns
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
 from actionopt.tools.tape import parameter_gradient

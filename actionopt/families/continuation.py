@@ -17,12 +17,12 @@ from typing import NamedTuple
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.arclength import STRAIGHT_STEP, Branch
-from actionopt.discrete.path import Path
+from actionopt.discrete.borders.arclength import STRAIGHT_STEP, Branch
+from actionopt.discrete.meshes.path import Path
 from actionopt.families.vary import Name, lead_to, slope_along, with_values
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.problem import Problem
+from actionopt.solver.ends.window import with_window_of
 from actionopt.solver.solve import refuse_rest, solve_near
-from actionopt.solver.window import with_window_of
 from actionopt.tools.types import Array, NDInt
 
 Values = Mapping[Name, float]

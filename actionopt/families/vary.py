@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.analysis.sensitivity import slopes
+from actionopt.analysis.quadratic.sensitivity import slopes
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.borders import times_over
-from actionopt.discrete.path import Path
-from actionopt.mechanics.course import check_shared
-from actionopt.mechanics.events import Event, Tail
-from actionopt.mechanics.problem import Problem
+from actionopt.discrete.borders.borders import times_over
+from actionopt.discrete.meshes.path import Path
+from actionopt.mechanics.laws.tracing import MULTIPLIERS, SWITCHES
+from actionopt.mechanics.question.course import check_shared
+from actionopt.mechanics.question.events import Event, Tail
+from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
 from actionopt.tools.types import Array
 
 Name = str | tuple[Any, ...]  # ("start", coordinate), ("through", k, coordinate), ...

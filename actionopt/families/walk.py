@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.path import Path
+from actionopt.discrete.meshes.path import Path
 from actionopt.families.vary import Name, lead_to, with_values
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.problem import Problem
 from actionopt.solver.solve import refuse_rest, solve_near
 from actionopt.tools.interrupts import ordinary_errors
 

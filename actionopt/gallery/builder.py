@@ -24,7 +24,7 @@ from typing import Any
 from actionopt import scenes
 from actionopt.gallery.index_page import index_page
 from actionopt.gallery.page import Page
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.tools.checks import check_jobs
 from actionopt.tools.files import write

@@ -16,8 +16,8 @@ from actionopt.gallery.figures import IN_CHECK, IN_MOTION, IN_PRINCIPLE, Figure,
 from actionopt.gallery.page import Page, escape, frame, prose, table, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts, texts_of_own
-from actionopt.mechanics.tracing import MULTIPLIERS, SWITCHES
-from actionopt.mechanics.written import equations
+from actionopt.mechanics.laws.tracing import MULTIPLIERS, SWITCHES
+from actionopt.mechanics.laws.written import equations
 from actionopt.plot._names import units_of
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.tools.formula import formula

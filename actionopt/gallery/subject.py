@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
 from actionopt.analysis.solution import Solution
+from actionopt.analysis.spectra.conjugate import ConjugatePoint, conjugate_points
 from actionopt.mechanics.system import System
 from actionopt.plot import Energies, UnitNames, energies_data, motion_data, planar
 from actionopt.plot._names import units_of

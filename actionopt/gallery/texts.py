@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from actionopt.gallery import units
-from actionopt.mechanics.written import lagrangian
+from actionopt.mechanics.laws.written import lagrangian
 from actionopt.scenes import Scene, parameters
 from actionopt.tools.formula import Formula, formula
 

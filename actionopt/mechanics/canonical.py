@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import casadi as ca
 
-from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.laws import keep
+from actionopt.mechanics.laws.compiled import Pointwise
+from actionopt.mechanics.laws.laws import keep
+from actionopt.mechanics.laws.tracing import Symbols
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import Symbols
 
 
 @keep

@@ -21,9 +21,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.identity import CANCELLED, general_points
-from actionopt.mechanics.tracing import ParameterTable, call, column, parameter_names
+from actionopt.mechanics.laws.expressions import Expressions
+from actionopt.mechanics.laws.identity import CANCELLED, general_points
+from actionopt.mechanics.laws.tracing import ParameterTable, call, column, parameter_names
 from actionopt.tools.checks import numbers
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import RANK, Array

@@ -15,12 +15,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.evaluation import NumericLaws
-from actionopt.mechanics.identity import general_states, vanishes
-from actionopt.mechanics.laws import Once
-from actionopt.mechanics.lengths import check_length, square
-from actionopt.mechanics.switches import KINKS, minimum_parts
-from actionopt.mechanics.tracing import (
+from actionopt.mechanics.laws.evaluation import NumericLaws
+from actionopt.mechanics.laws.identity import general_states, vanishes
+from actionopt.mechanics.laws.laws import Once
+from actionopt.mechanics.laws.lengths import check_length, square
+from actionopt.mechanics.laws.switches import KINKS, minimum_parts
+from actionopt.mechanics.laws.tracing import (
     MULTIPLIERS,
     SWITCHES,
     ParameterTable,
@@ -40,7 +40,7 @@ from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
 
 if TYPE_CHECKING:
-    from actionopt.mechanics.branches import Branches
+    from actionopt.mechanics.laws.branches import Branches
 
 # Sizes of a motion that an obstacle counts as far away at most, and inside of it; ad hoc. What a
 # slope's square may be without being zero.
@@ -225,7 +225,7 @@ class System(NumericLaws):
         A doctest of it is in the guide, as sympy is no dependency: `System.from_sympy(m * v**2 / 2
         - m * g * x, x, v, t, parameters={m: 1.0, g: 9.81})`.
         """
-        from actionopt.mechanics.symbolic import Reading
+        from actionopt.mechanics.laws.symbolic import Reading
 
         reading = Reading.of(q, v, t)
         others = {"constraint": constraint, "force": force, "obstacle": obstacle}
@@ -249,7 +249,7 @@ class System(NumericLaws):
         ImportError
             If sympy is not installed.
         """
-        from actionopt.mechanics.symbolic import formulas
+        from actionopt.mechanics.laws.symbolic import formulas
 
         return formulas(self, self.table)
 
@@ -267,7 +267,7 @@ class System(NumericLaws):
         >>> fall.dynamics_function()(q=0.0, v=1.0, t=0.0)["a"]
         DM(-2)
         """
-        from actionopt.mechanics.functions import dynamics_function
+        from actionopt.mechanics.laws.functions import dynamics_function
 
         return dynamics_function(self, self.table)
 
@@ -383,7 +383,7 @@ class System(NumericLaws):
         """
         from html import escape
 
-        from actionopt.mechanics.written import equations, lagrangian
+        from actionopt.mechanics.laws.written import equations, lagrangian
         from actionopt.tools.formula import formula
         from actionopt.tools.mathml import mathml
 
@@ -405,7 +405,7 @@ class System(NumericLaws):
 
     def __reduce__(self) -> tuple:
         """Carry the law as an expression, and what is derived; no code of the user's."""
-        from actionopt.mechanics.pickling import reduce
+        from actionopt.mechanics.laws.pickling import reduce
 
         return reduce(self)
 
@@ -481,7 +481,7 @@ class System(NumericLaws):
     @Once
     def branches(self) -> Branches | None:
         """Return where L has kinks in q, as far as these can be told; None where there are none."""
-        from actionopt.mechanics.branches import branches
+        from actionopt.mechanics.laws.branches import branches
 
         return None if KINKS.isdisjoint(self.structure.operations) else branches(self)
 

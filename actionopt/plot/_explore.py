@@ -19,7 +19,7 @@ from matplotlib.backends.registry import BackendFilter, backend_registry
 from matplotlib.widgets import Button, Slider
 
 from actionopt.analysis.solution import SolveError
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.problem import Problem
 from actionopt.plot import _style as style
 from actionopt.plot._explore_parts import (
     LEFT,
@@ -37,7 +37,7 @@ from actionopt.plot.data.exploration import Exploration, begin, bend, lasting, r
 from actionopt.plot.data.trial import Trial, knots
 from actionopt.plot.live.page import whole
 from actionopt.scenes import Scene
-from actionopt.solver.arguments import Guess
+from actionopt.solver.input.arguments import Guess
 from actionopt.tools.words import current, language
 
 REACH = 14  # pixels from a point at which it is taken hold of

@@ -19,7 +19,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.textpath import text_to_path
 
 from actionopt.analysis.solution import Solution, question
-from actionopt.families.runs import Runs
+from actionopt.families.sweeps.runs import Runs
 from actionopt.plot._paths import overview, paths
 from actionopt.plot._runs import runs
 from actionopt.plot._style import IF_ROOM, figure_size, styled

@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.ticker import MaxNLocator
 
 from actionopt.analysis.solution import Solution, question
-from actionopt.mechanics.events import Bounce, Event
+from actionopt.mechanics.question.events import Bounce, Event
 from actionopt.plot import _style as style
 from actionopt.plot._names import NO_UNITS, UnitNames, label, planar, symbol
 from actionopt.plot.data.along import curves, family_data, forward_values, mesh_data, times

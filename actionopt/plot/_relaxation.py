@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.path import Path
+from actionopt.discrete.meshes.path import Path
 from actionopt.plot import _style as style
 from actionopt.plot._film import FPS, film_file, write
 from actionopt.plot._names import NO_UNITS, UnitNames, label

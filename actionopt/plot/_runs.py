@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize, to_rgb
 
-from actionopt.families.runs import Runs
+from actionopt.families.sweeps.runs import Runs
 from actionopt.families.vary import Name
 from actionopt.plot import _style as style
 from actionopt.plot._names import NO_UNITS, UnitNames, label, symbol

@@ -37,8 +37,8 @@ from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MaxNLocator
 
 from actionopt.analysis.solution import Solution
-from actionopt.mechanics.events import Bounce
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.events import Bounce
+from actionopt.mechanics.question.problem import Problem
 from actionopt.plot._names import NO_UNITS, UnitNames, label, planar, symbol
 from actionopt.tools.types import Array
 from actionopt.tools.words import say

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.path import Path
+from actionopt.discrete.meshes.path import Path
 from actionopt.plot import _style as style
 from actionopt.plot._names import NO_UNITS, UnitNames, label
 from actionopt.plot.data.arguments import check_arguments

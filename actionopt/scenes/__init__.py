@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.tracing import suggestion
+from actionopt.mechanics.laws.tracing import suggestion
 from actionopt.scenes import _scene
 from actionopt.scenes._own import from_file
 from actionopt.scenes._scene import Facts, Known, Measure, Scene, Words

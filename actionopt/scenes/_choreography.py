@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.mechanics.events import State
+from actionopt.mechanics.question.events import State
 from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body
 from actionopt.tools.types import Array

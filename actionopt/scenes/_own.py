@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from os import PathLike
 from typing import Any
 
-from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.tracing import suggestion
+from actionopt.mechanics.laws.tracing import suggestion
+from actionopt.mechanics.question.problem import Problem
 from actionopt.scenes._scene import Scene
 from actionopt.tools.checks import by_name
 

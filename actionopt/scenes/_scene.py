@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.events import RATES, Event, State
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.events import RATES, Event, State
+from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.scenes._shapes import Shape
 from actionopt.tools.immutable import immutable

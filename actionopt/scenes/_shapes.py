@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.tracing import column
+from actionopt.mechanics.laws.expressions import Expressions
+from actionopt.mechanics.laws.tracing import column
 from actionopt.tools.checks import number, numbers, whole
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line

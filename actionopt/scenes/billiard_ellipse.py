@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.mechanics.events import Bounce
+from actionopt.mechanics.question.events import Bounce
 from actionopt.scenes._legs import about, billiard, rays, rough, to_conic
 from actionopt.scenes._scene import Facts, Setup, Words
 from actionopt.scenes._shapes import Shape, body, ground

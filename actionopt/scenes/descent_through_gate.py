@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.mechanics.events import Event
+from actionopt.mechanics.question.events import Event
 from actionopt.scenes._legs import leg_of
 from actionopt.scenes._scene import Facts, Measure, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground

@@ -13,7 +13,7 @@ irregular; this one returns. How long that takes is not given but found.
 
 import numpy as np
 
-from actionopt.mechanics.events import State
+from actionopt.mechanics.question.events import State
 from actionopt.scenes._scene import Facts, Setup, Words
 from actionopt.scenes._shapes import body, ground
 

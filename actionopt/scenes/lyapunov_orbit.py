@@ -10,7 +10,7 @@ In coordinates that turn with both, mirror images of the arc make the orbit.
 
 import numpy as np
 
-from actionopt.mechanics.events import State
+from actionopt.mechanics.question.events import State
 from actionopt.scenes._scene import Facts, Setup, Words
 from actionopt.scenes._shapes import body, ground
 

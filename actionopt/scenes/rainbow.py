@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.mechanics.events import Bounce, Event
+from actionopt.mechanics.question.events import Bounce, Event
 from actionopt.scenes._legs import about, leg_of, rays, rough
 from actionopt.scenes._scene import Facts, Measure, Setup, Words
 from actionopt.scenes._shapes import body, circle

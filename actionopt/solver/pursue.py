@@ -18,18 +18,18 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import Path
-from actionopt.mechanics.events import Event
-from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import Guess, check_arguments, curve, read_guess
-from actionopt.solver.between import Choices, Found, between
-from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.iterate import AT_REST, ROUNDED
-from actionopt.solver.revisions import infinite, revise_all
-from actionopt.solver.strategies import IPOPT
-from actionopt.solver.verdict import message_of
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.mechanics.question.events import Event
+from actionopt.mechanics.question.problem import Problem
+from actionopt.solver.input.arguments import Guess, check_arguments, curve, read_guess
+from actionopt.solver.kinds.between import Choices, Found, between
+from actionopt.solver.kinds.revisions import infinite, revise_all
+from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, LINEAR
+from actionopt.solver.refinement.iterate import AT_REST, ROUNDED
+from actionopt.solver.refinement.verdict import message_of
+from actionopt.solver.search.strategies import IPOPT
 from actionopt.tools.watch import OutOfTime
 
 SHRUNK = "the closed path shrank to a point: give a guess that goes round an obstacle"
@@ -72,13 +72,13 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         return
     if not problem.has_free_boundary:
         if choices.is_plain and problem.may_cross_kinks:
-            from actionopt.solver.kinks import cross_kinks
+            from actionopt.solver.kinds.kinks import cross_kinks
 
             yield cross_kinks(problem, guess, choices)
             return
         yield revise_all(problem, guess, choices)
         return
-    from actionopt.solver.free_contact import free_contact
+    from actionopt.solver.kinds.free_contact import free_contact
 
     if problem.original.is_joined and problem.system.r:
         yield _along(problem.original, guess, choices)
@@ -103,7 +103,7 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
 
 def _of_given_period(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return a closed path of a given period, and the verdict."""
-    from actionopt.solver.unfixed import solve_free_boundary
+    from actionopt.solver.kinds.unfixed import solve_free_boundary
 
     found = between(problem, guess, choices)
     if problem.system.r and not is_moving(found[0]):
@@ -116,7 +116,7 @@ def _of_given_period(problem: Problem, guess: Guess | None, choices: Choices) ->
 
 def _from_starts(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[Found]:
     """Yield paths whose duration is to be found, or that close, from one start after the other."""
-    from actionopt.solver.unfixed import solve_free_boundary
+    from actionopt.solver.kinds.unfixed import solve_free_boundary
 
     led = False
     last = None
@@ -148,8 +148,8 @@ def _along(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
 
     A closed one that begins on a surface is found from a free start, and begun there.
     """
-    from actionopt.solver.closed_contact import begin_at_surface
-    from actionopt.solver.free_contact import free_contact
+    from actionopt.solver.kinds.closed_contact import begin_at_surface
+    from actionopt.solver.kinds.free_contact import free_contact
 
     if problem.advance is None or problem.start.on is None:
         given = not (problem.has_open_ends or problem.has_open_events)
@@ -174,8 +174,8 @@ def _check_no_mesh(choices: Choices) -> None:
 
 def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
     """Return the path through events whose times or places are to be found, and the verdict."""
-    from actionopt.solver.durations import explain_barrier
-    from actionopt.solver.through import solve_through
+    from actionopt.solver.ends.durations import explain_barrier
+    from actionopt.solver.kinds.through import solve_through
 
     check_arguments(problem, choices.tol, None, choices.principle, None)
     _check_no_mesh(choices)
@@ -189,8 +189,8 @@ def starts(
     problem: Problem, guess: Guess | None, choices: Choices
 ) -> Iterable[Iterable[Guess | DiscretePath | None]]:
     """Return groups of guesses; one is asked for only if none before led to a path."""
-    from actionopt.solver.durations import between_turning_points
-    from actionopt.solver.nearest_points import (
+    from actionopt.solver.ends.durations import between_turning_points
+    from actionopt.solver.kinds.nearest_points import (
         NEAREST_POINTS,
         motions,
         paths_between_given_times,
@@ -211,7 +211,7 @@ def starts(
 
 def _oscillations(problem: Problem) -> list[Path]:
     """Return small oscillations about the equilibrium near the start. Raises ValueError if none."""
-    from actionopt.solver.durations import oscillations
+    from actionopt.solver.ends.durations import oscillations
 
     found = oscillations(problem)
     if not found:
@@ -231,7 +231,7 @@ def _index(solution: Solution) -> int:
     """
     if not solution.stats.get("index", 1):
         return 0
-    from actionopt.analysis.index import inertia_through
+    from actionopt.analysis.quadratic.index import inertia_through
 
     with suppress(ValueError, np.linalg.LinAlgError):
         return inertia_through(solution.discrete, solution.error).index

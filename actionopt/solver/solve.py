@@ -9,12 +9,12 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
-from actionopt.discrete.mesh import Mesh
-from actionopt.mechanics.problem import Problem
-from actionopt.solver.arguments import Guess, check_problem
-from actionopt.solver.between import Choices
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.question.problem import Problem
+from actionopt.solver.input.arguments import Guess, check_problem
+from actionopt.solver.kinds.between import Choices
 from actionopt.solver.pursue import first_acceptable, is_moving
-from actionopt.solver.strategies import CHEAP, GUESS_ONLY, IPOPT, STRATEGIES
+from actionopt.solver.search.strategies import CHEAP, GUESS_ONLY, IPOPT, STRATEGIES
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import among, flag
 from actionopt.tools.watch import Progress, Watch
@@ -93,7 +93,7 @@ def solve(
     if not among(method, BY_METHOD):
         raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     if method == "ipopt":
-        from actionopt.solver.ipopt import ABSENT, is_there
+        from actionopt.solver.refinement.ipopt import ABSENT, is_there
 
         problem.system.check_order("method 'ipopt'")
         if not is_there():

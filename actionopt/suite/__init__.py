@@ -13,7 +13,7 @@ import inspect
 from collections.abc import Collection
 from typing import Any
 
-from actionopt.mechanics.tracing import suggestion
+from actionopt.mechanics.laws.tracing import suggestion
 from actionopt.suite.families import FAMILIES, Family
 from actionopt.suite.member import Member
 from actionopt.suite.models import MODELS, Model

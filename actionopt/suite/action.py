@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.mechanics.system import System
 from actionopt.suite.expression import action_expression
 from actionopt.suite.limits import UNLIMITED, Bounds

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.analysis.solution import SolveError
-from actionopt.discrete.factors import Factors, negative_eigenvalues
-from actionopt.discrete.newton import follow
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
-from actionopt.mechanics.problem import Problem
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.factors import Factors, negative_eigenvalues
+from actionopt.discrete.newton.newton import follow
+from actionopt.mechanics.question.held import Held
+from actionopt.mechanics.question.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.solver.solve import solve
 from actionopt.suite.stars import NO_PATH, SAME_STAR, Star, bent_line, least_multipliers, too_coarse

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.transcription import Transcription
 from actionopt.suite.program import Program
 from actionopt.tools.types import Array
 

@@ -31,9 +31,9 @@ from typing import Any
 import numpy as np
 
 from actionopt import scenes
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.laws.tracing import suggestion
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import Facts, Scene
 from actionopt.suite import obstacles
 from actionopt.suite.limits import UNLIMITED, Bounds

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from actionopt import suite
-from actionopt.families.all_paths import solve_all
+from actionopt.families.searches.all_paths import solve_all
 from actionopt.suite import known, solvers
 from actionopt.suite.member import Stationary
 from actionopt.suite.problem import SEED, TestProblem

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.scenes import Facts, Scene
 from actionopt.scenes._shapes import body

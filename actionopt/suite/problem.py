@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.question.held import Held
 from actionopt.suite import active_set, known
 from actionopt.suite.action import ActionProgram
 from actionopt.suite.families import STEADY, Family, sample

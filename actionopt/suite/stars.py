@@ -13,11 +13,11 @@ import casadi as ca
 import numpy as np
 
 from actionopt.analysis.solution import SolveError
-from actionopt.discrete.factors import Factors, negative_eigenvalues, product
-from actionopt.discrete.newton import follow
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.matrices.factors import Factors, negative_eigenvalues, product
+from actionopt.discrete.newton.newton import follow
 from actionopt.scenes import Scene
-from actionopt.solver.ipopt import find
+from actionopt.solver.refinement.ipopt import find
 from actionopt.solver.solve import solve
 from actionopt.suite.families import sample
 from actionopt.tools.immutable import immutable

@@ -17,8 +17,8 @@ import numpy as np
 from actionopt import scenes
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.page import escape
-from actionopt.mechanics.events import Event
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.events import Event
+from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.plot.live.law import law
 from actionopt.solver.solve import solve

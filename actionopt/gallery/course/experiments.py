@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from actionopt.mechanics.events import Event
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.events import Event
+from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
 
 

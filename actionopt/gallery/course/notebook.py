@@ -9,7 +9,7 @@ from typing import Any
 from actionopt.gallery.course.experiments import EXPERIMENTS
 from actionopt.gallery.course.lesson import Lesson, results
 from actionopt.gallery.course.lessons import BY_NAME
-from actionopt.mechanics.tracing import suggestion
+from actionopt.mechanics.laws.tracing import suggestion
 from actionopt.tools.files import write
 from actionopt.tools.words import current, numerals, say
 

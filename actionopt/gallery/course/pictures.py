@@ -9,7 +9,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.figures import Figure, one, pair
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.plot import _style as style
 from actionopt.plot._names import label

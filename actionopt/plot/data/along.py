@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from actionopt.analysis.solution import Solution, question
-from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.symmetry import noether
+from actionopt.mechanics.conservation.symmetry import noether
+from actionopt.mechanics.question.problem import Problem
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
 from actionopt.tools.checks import numbers

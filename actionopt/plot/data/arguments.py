@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from actionopt.analysis.solution import question
-from actionopt.families.runs import Runs
-from actionopt.mechanics.problem import Problem
+from actionopt.families.sweeps.runs import Runs
+from actionopt.mechanics.question.problem import Problem
 from actionopt.plot._names import UnitNames
 from actionopt.scenes import Scene
 from actionopt.tools.checks import entries, flag, number, whole

@@ -11,16 +11,16 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 
-from actionopt.analysis.conjugate import SAME_ROOT, ConjugatePoint, conjugate_points
-from actionopt.analysis.forward import IntegrationError, integrate
+from actionopt.analysis.motion.forward import IntegrationError, integrate
 from actionopt.analysis.solution import Solution
+from actionopt.analysis.spectra.conjugate import SAME_ROOT, ConjugatePoint, conjugate_points
 from actionopt.analysis.status import Status
-from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.path import Path
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.plot.data.trial import Trial, move_node, straight, trial_at
-from actionopt.solver.arguments import Guess
-from actionopt.solver.search import REACHED
+from actionopt.solver.input.arguments import Guess
+from actionopt.solver.search.search import REACHED
 from actionopt.solver.solve import solve
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line

@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.tri import Triangulation
 
-from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
-from actionopt.analysis.shooting import motions
+from actionopt.analysis.quadratic.shooting import motions
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.path import Path
-from actionopt.mechanics.course import check_whole
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.analysis.spectra.conjugate import ConjugatePoint, conjugate_points
+from actionopt.discrete.meshes.path import Path
+from actionopt.mechanics.question.course import check_whole
+from actionopt.mechanics.question.problem import Event, Problem
 from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest

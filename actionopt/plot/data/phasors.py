@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.analysis.variation import variation
+from actionopt.analysis.spectra.variation import variation
 from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import directions

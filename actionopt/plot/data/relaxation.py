@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import Solution
-from actionopt.analysis.variation import resolve_eta
-from actionopt.discrete.borders import times_of
-from actionopt.discrete.factors import Factors, diagonal
-from actionopt.discrete.newton import follow
-from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
+from actionopt.analysis.spectra.variation import resolve_eta
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.borders.borders import times_of
+from actionopt.discrete.matrices.factors import Factors, diagonal
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.newton import follow
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.trial import weights
 from actionopt.tools.immutable import immutable

@@ -23,13 +23,13 @@ from functools import cached_property
 
 import numpy as np
 
-from actionopt.analysis.second_variation import second_derivatives, tangent
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import Path
-from actionopt.discrete.projection import project
-from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Periodic, Problem
-from actionopt.solver.arguments import Guess, curve
+from actionopt.analysis.quadratic.second_variation import second_derivatives, tangent
+from actionopt.discrete.action.projection import project
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
+from actionopt.mechanics.question.problem import Periodic, Problem
+from actionopt.solver.input.arguments import Guess, curve
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array

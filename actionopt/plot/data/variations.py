@@ -10,17 +10,17 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.analysis.conjugate import conjugate_points
-from actionopt.analysis.index import inertia_of
-from actionopt.analysis.modes import lowest, second_variation
-from actionopt.analysis.second_variation import form
+from actionopt.analysis.quadratic.index import inertia_of
+from actionopt.analysis.quadratic.second_variation import form
 from actionopt.analysis.solution import Solution
-from actionopt.analysis.variation import variation
-from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import Path
-from actionopt.mechanics.course import check_whole
-from actionopt.mechanics.problem import Event
+from actionopt.analysis.spectra.conjugate import conjugate_points
+from actionopt.analysis.spectra.modes import lowest, second_variation
+from actionopt.analysis.spectra.variation import variation
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.mechanics.question.course import check_whole
+from actionopt.mechanics.question.problem import Event
 from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest

@@ -5,13 +5,13 @@ from __future__ import annotations
 from html import escape
 
 from actionopt.analysis.solution import Solution
-from actionopt.mechanics.events import Event
-from actionopt.mechanics.problem import Periodic, Problem
+from actionopt.mechanics.question.events import Event
+from actionopt.mechanics.question.problem import Periodic, Problem
 from actionopt.plot._files import svg
 from actionopt.plot._names import UnitNames
 from actionopt.plot._paths import paths
 from actionopt.plot.live.law import law
-from actionopt.solver.arguments import Guess
+from actionopt.solver.input.arguments import Guess
 from actionopt.solver.solve import solve
 from actionopt.tools.words import number, say
 

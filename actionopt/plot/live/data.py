@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.mesh import Mesh
-from actionopt.mechanics.problem import Periodic, Problem
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.mechanics.question.problem import Periodic, Problem
 from actionopt.plot._names import NO_UNITS, UnitNames, planar
 from actionopt.plot.data.exploration import LONGEST_CONTINUED, motion
 from actionopt.plot.live.law import law

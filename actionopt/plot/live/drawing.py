@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.mechanics.expressions import Expressions
+from actionopt.mechanics.laws.expressions import Expressions
 from actionopt.plot._names import planar
 from actionopt.plot.data.motion import Draw, motion_data
 from actionopt.plot.live.javascript import body

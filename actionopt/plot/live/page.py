@@ -10,7 +10,7 @@ from typing import Any
 
 from actionopt import __version__
 from actionopt.analysis.solution import Solution
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.question.problem import Problem
 from actionopt.plot._names import NO_UNITS, UnitNames, units_of
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import Draw
@@ -20,7 +20,7 @@ from actionopt.plot.live.drawing import drawing, is_upside_down
 from actionopt.plot.live.film import STATIC
 from actionopt.plot.live.words import words as spoken
 from actionopt.scenes import Measure, Scene
-from actionopt.solver.arguments import Guess
+from actionopt.solver.input.arguments import Guess
 from actionopt.tools.document import document
 from actionopt.tools.files import ready, write
 from actionopt.tools.greek import letter

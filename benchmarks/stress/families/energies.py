@@ -18,7 +18,7 @@ from scipy.integrate import quad, solve_bvp
 from scipy.special import ellipkinc
 
 import actionopt as ao
-from actionopt.solver.first_paths import straight, time_waypoints
+from actionopt.solver.kinds.first_paths import straight, time_waypoints
 from benchmarks.stress.case import Case, Criterion, Row, answer, beside, members, mine, within
 
 TITLE = "Given energies"

@@ -1,0 +1,1 @@
+"""The second variation as a quadratic form: its index, and derivatives of the action."""

@@ -1,0 +1,287 @@
+"""Jacobi fields: how neighbouring paths with the same start leave a path.
+
+They solve the linearised equations of motion, on the same elements: with E the matrix of d2S on
+one element, its first rows are minus the momentum at the left node, its last rows the momentum
+at the right node, and the rows between are zero,
+
+    E_0 a = -p_left,    E_1 a = ... = E_(d-1) a = 0,    p_right = E_d a.
+
+A field that grows by many orders of magnitude would hide the others: at each element the r
+fields are replaced by an orthonormal frame that spans the same Lagrangian plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from actionopt.analysis.quadratic.second_variation import (
+    Form,
+    check_independent,
+    check_legendre,
+    coefficient_entries,
+    form,
+)
+from actionopt.discrete.action.equations import Equations
+from actionopt.discrete.borders.bordered import equations_of
+from actionopt.discrete.borders.borders import moves_of
+from actionopt.discrete.matrices.factors import Factors
+from actionopt.discrete.matrices.layout import border_matrix
+from actionopt.discrete.meshes.mesh import MAX_DEGREE, Mesh
+from actionopt.discrete.meshes.resolution import SHORTEST
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.discrete.newton.newton import follow
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import Array
+
+# Ad hoc, where nothing else is said.
+FIELD_ROUNDS = 12  # of refinement: a singularity is found out by then, see `SHORTEST`
+HIGHEST_DEGREE = 20  # an element of more is split instead
+LOW_DEGREE = 2  # has no coefficients that could decay
+COEFFICIENT_SAMPLES = 120  # of d2S, at least: it may vary faster than path and fields
+COEFFICIENT_NOISE = 1e-13  # of the largest: some hundred eps
+# Newton's method with a border: how far the path may move, in the coordinates' sizes, and still be
+# the one; most steps; the step that ends them; and what may be left of the border's multipliers,
+# in units of action for a move of the coordinates by their size.
+POLISH_REACH, BORDERED_STEPS, BORDERED_TOL, FREE_FORCE = 0.5, 12, 1e-11, 1e-8
+
+
+def fields(form: Form, plane: Array | None = None) -> tuple[list[Array], Array]:
+    """Return r Jacobi fields on each element, at its nodes: (d + 1, r, r) in a_k, field last.
+
+    They begin in a Lagrangian plane (2r, r), a above p in `momentum_unit`s. Without one they vanish
+    at the start along its pinned directions; along its free ones their momentum vanishes there.
+    From one element to the next they are recombined. And the plane at the end. Raises ValueError
+    where the start does not determine them.
+    """
+    r, unit = form.freedom, form.momentum_unit
+    held = np.arange(r) < form.pinned[0]
+    if plane is None:
+        plane = np.concatenate([np.diag(1.0 * ~held), np.diag(1.0 * held)])
+    try:
+        return propagate(form.elements, unit, plane)
+    except np.linalg.LinAlgError:
+        check_legendre(form)  # the usual reason
+        raise ValueError(
+            "expected a path whose neighbours are determined by their start, found an element "
+            "along which they are not; try other elements (mesh=)"
+        ) from None
+
+
+def propagate(elements: list[Array], unit: float, plane: Array) -> tuple[list[Array], Array]:
+    """Return what `fields` does, on elements of d2S, with momenta in a `unit`.
+
+    Raises numpy.linalg.LinAlgError where the start does not determine them.
+    """
+    r, result = plane.shape[1], []
+    a, p = plane[:r], plane[r:]
+    for E in elements:
+        inner = len(E) - r
+        right = -E[:inner, :r] @ a
+        right[:r] -= unit * p
+        later = np.linalg.solve(E[:inner, r:], right)
+        whole = np.concatenate([a, later])
+        result.append(whole.reshape(-1, r, r))
+        frame, _ = np.linalg.qr(np.concatenate([later[-r:], E[inner:] @ whole / unit]))
+        a, p = frame[:r], frame[r:]
+    return result, np.concatenate([a, p])
+
+
+def resolve(first: DiscretePath, error: float, tol: float, *, polish: bool = False) -> Form:
+    """Return d2S on a mesh that resolves the Jacobi fields to `tol`, and the path with `polish`.
+
+    `error` is that of the path, which is stationary. A mesh that resolves the path need not
+    resolve its neighbours: a body at rest may be passed by any number of them, and a straight path
+    may lead through a valley of any shape. Raises ValueError for non-conservative forces, a path
+    through a singularity, or one along which the constraints are not independent.
+    """
+    found = form(first)
+    for _ in range(FIELD_ROUNDS):
+        check_independent(found.at, found.units, error)
+        tr = found.tr
+        mesh = finer(tr.mesh, tol, form=found, Q=found.at.Q / tr.lengths if polish else None)
+        if mesh is None:
+            break
+        del found, tr  # before the next are made
+        at = first.on(mesh, first.multipliers(mesh.nodes))
+        found = form(at.polish() if polish else at)
+    return found
+
+
+def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
+    """Return d2S along a path improved on a mesh that resolves it and its Jacobi fields to `tol`.
+
+    With what was found beside it, such as its duration. Newton's method leaves the path where it is
+    along `nullity` directions in which the action hardly bends, if its own steps lead nowhere for
+    them: in a family of paths any will do. What moves a closed path along itself, or as a whole, is
+    not among them. None where it finds no stationary path near. Raises ValueError as `resolved`
+    does.
+    """
+    found = _improve(first, tol, nullity, form)
+    return found if isinstance(found, Form) else None
+
+
+def improve_path(first: DiscretePath, tol: float, nullity: int) -> DiscretePath | None:
+    """Return the path of `improve` on a mesh that resolves it, whatever its neighbours need."""
+    found = _improve(first, tol, nullity, None)
+    return found if isinstance(found, DiscretePath) else None
+
+
+def _improve(
+    at: DiscretePath, tol: float, nullity: int, of: Callable[[DiscretePath], Form] | None
+) -> Form | DiscretePath | None:
+    """Return what `of` makes of the path that is improved, or the path."""
+    asked = at.problem.original
+    for _ in range(FIELD_ROUNDS):
+        equations, z = equations_of(asked, at, moves_of(asked))
+        near = _stationary(equations, z, nullity)
+        if near is None:
+            return None
+        z, force = near
+        tr = equations.at(z)
+        at = DiscretePath(tr, z[: tr.layout.size])
+        found = None if of is None else of(at)
+        if found is not None:
+            at = found.at
+            check_independent(at, found.units, tol)
+        mesh = finer(tr.mesh, tol, form=found, Q=at.Q / tr.lengths)
+        if mesh is None:
+            return (found or at) if force < FREE_FORCE else None
+        at = at.on(mesh, at.multipliers(mesh.nodes) if found is not None else None)
+    return None
+
+
+def _stationary(equations: Equations, z: Array, nullity: int) -> tuple[Array, float] | None:
+    """Return the path near z, (size,), that a force makes stationary, and that force; or None.
+
+    Where Newton's matrix K is singular, [K B; B' 0] with as many columns B as K lacks in rank is
+    not: their multipliers, the force, vanish where there is a path, up to what the mesh leaves out
+    of it, and tell where there is none.
+    """
+    near = follow(equations, z)
+    if near.converged and near.travelled < POLISH_REACH:
+        return near.z, 0.0
+    layout, first = equations.layout, z
+    cut, size = layout.unknowns, layout.size
+    border = np.zeros((size, nullity))
+    border[:cut] = np.random.default_rng(0).standard_normal((cut, nullity))
+    with np.errstate(all="ignore"):
+        for k in range(BORDERED_STEPS):
+            edges = border, border.T, np.zeros((nullity, nullity))
+            right = np.eye(1 + nullity, size + nullity, size - 1)
+            right[0, :size] = equations.residual(z)
+            try:
+                matrix = Factors(*border_matrix(layout, equations.kkt(z), *edges))
+                found = np.stack([matrix.solve(column) for column in right], axis=1)
+            except np.linalg.LinAlgError:  # singular all the same
+                return None
+            # The other columns span the kernel: the border for the next step.
+            border[:cut] = np.linalg.qr(found[:cut, 1:])[0]
+            if k == 0:
+                continue  # random directions may be nearly across the kernel
+            step = found[:, 0]
+            z = z - step[:size]
+            if not np.max(np.abs((z - first)[:cut]), initial=0.0) < POLISH_REACH:
+                return None
+            if np.max(np.abs(step[:cut])) < BORDERED_TOL:
+                return z, float(np.max(np.abs(step[size:])))
+    return None
+
+
+def finer(
+    mesh: Mesh, tol: float, *, form: Form | None = None, Q: Array | None = None
+) -> Mesh | None:
+    """Return a finer mesh, or None where it resolves to `tol` what it should.
+
+    That is the Jacobi fields of `form`, relative to their size on each element, its
+    coefficients, and the nodal coordinates Q (K, n), in units of their sizes. Raises ValueError
+    where elements become too short to be split.
+    """
+    tail = np.zeros(mesh.elements)
+    if Q is not None:
+        tail = tails(mesh, [Q[g.nodes] for g in mesh.groups])
+    if form is not None and form.freedom:
+        (jacobi, _), tables = fields(form), []
+        for g in mesh.groups:
+            a = np.stack([jacobi[e] for e in g.elements])
+            eta = np.einsum("eknr,ekrc->eknc", form.basis[g.nodes], a)
+            table = eta.reshape(*g.nodes.shape, -1)
+            tables.append(table / np.max(np.abs(table), axis=(1, 2), keepdims=True))
+        tail = np.maximum(tail, np.maximum(tails(mesh, tables), coefficients_left_out(form.at)))
+    return refine_where(mesh, tail, tol)
+
+
+def tails(mesh: Mesh, tables: list[Array]) -> Array:
+    """Return the largest of the last Legendre coefficients on each element, (N,).
+
+    The values are given as tables (E, d + 1, c), at the nodes of the elements of each degree.
+    """
+    tail = np.zeros(mesh.elements)
+    for g, table in zip(mesh.groups, tables, strict=True):
+        size = np.abs(g.rule.to_legendre @ table)
+        last = size[:, -2:] if g.rule.degree > LOW_DEGREE else size
+        tail[g.elements] = np.max(last, axis=(1, 2))
+    return tail
+
+
+def refine_where(mesh: Mesh, tail: Array, tol: float) -> Mesh | None:
+    """Return a mesh finer where the coefficients left out, `tail` (N,), are more than `tol`.
+
+    None where none is. Raises ValueError where elements become too short to be split.
+    """
+    if np.max(tail) <= tol:
+        return None
+    degrees = np.array(mesh.degrees)
+    coarse = tail > tol
+    # Raise the degree where the coefficients decay; split where they do not, or it is high.
+    # Too low a degree has no coefficients that could decay.
+    split = coarse & (((tail > 1e-2) & (degrees > LOW_DEGREE)) | (degrees + 4 > HIGHEST_DEGREE))
+    if np.any(mesh.lengths[split] < SHORTEST * mesh.duration):
+        worst = mesh.boundaries[np.argmin(np.where(split, mesh.lengths, np.inf))]
+        raise ValueError(
+            f"expected a smooth path, found one that no elements resolve at t = {worst:.6g}: it "
+            "runs into a singularity there, such as a collision, or is not smooth, and its "
+            "neighbours are not determined"
+        )
+    degrees = np.where(coarse & ~split, degrees + 4, degrees)
+    return mesh.divide(np.where(split, 2, 1), degrees)
+
+
+def coefficients_left_out(at: DiscretePath) -> Array:
+    """Return what each element's degree leaves out of the coefficients of d2S, (N,).
+
+    Relative to L_vv, with the element's length as the unit of time. They are sampled between the
+    nodes: at the nodes alone, what varies faster looks smooth.
+    """
+    tr, mesh, n = at.tr, at.mesh, at.problem.system.n
+    least, tail = -(-COEFFICIENT_SAMPLES // mesh.elements), np.zeros(mesh.elements)
+    for g in mesh.groups:
+        if any(g.rule.ends):  # infinite coefficients are no polynomials; the fields tell
+            continue
+        fine = lgl(min(max(2 * g.rule.degree + 2, least), 2 * MAX_DEGREE + 2))
+        weights = g.rule.interpolation(fine.nodes)
+        h = mesh.lengths[g.elements]
+        q = weights @ at.Q[g.nodes]
+        v = (weights @ g.rule.derivative) @ at.Q[g.nodes] * (2 / h)[:, None, None]
+        middle = (mesh.since[g.elements] + mesh.since[g.elements + 1]) / 2
+        t = mesh.boundaries[0] + (middle[:, None] + h[:, None] / 2 * fine.nodes)
+        entries = coefficient_entries(
+            tr.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1)
+        )
+        shape = g.elements.size, fine.degree + 1, -1
+        (row, col, C), mass = entries[2], np.zeros((g.elements.size, n))
+        own = row == col
+        mass[:, row[own]] = np.abs(C.reshape(shape)[:, :, own]).max(axis=1)
+        mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=1, keepdims=True)))
+        for (row, col, X), power in zip(entries, (2, 1, 0), strict=True):
+            if not row.size:
+                continue
+            size = (mass[:, row] * mass[:, col])[:, None]
+            table = X.reshape(shape) / size * h[:, None, None] ** power
+            with np.errstate(invalid="ignore"):  # infinite ones are not resolved
+                beyond = np.abs(fine.to_legendre[max(g.rule.degree - 1, 0) :] @ table)
+            beyond = np.nan_to_num(beyond, nan=np.inf).max(axis=(1, 2))
+            noise = COEFFICIENT_NOISE * np.abs(table).max(axis=(1, 2))
+            tail[g.elements] = np.maximum(tail[g.elements], np.where(beyond <= noise, 0.0, beyond))
+    return tail

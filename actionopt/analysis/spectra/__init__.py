@@ -1,0 +1,1 @@
+"""What belongs to a solution's variations: modes, conjugate points, multipliers."""

@@ -1,0 +1,1 @@
+"""What a path does between the nodes of its mesh."""

@@ -1,0 +1,1 @@
+"""Matrices of Newton's method: their layout, and their factors."""

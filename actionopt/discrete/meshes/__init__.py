@@ -1,0 +1,1 @@
+"""Meshes of elements, and the piecewise polynomials on them."""

@@ -1,0 +1,1 @@
+"""All the paths between two events."""

@@ -1,0 +1,1 @@
+"""One question over a grid of values, on any executor."""

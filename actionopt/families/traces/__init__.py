@@ -1,0 +1,1 @@
+"""Paths followed along one quantity, through folds."""

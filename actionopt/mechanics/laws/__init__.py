@@ -1,0 +1,1 @@
+"""Laws: what a user writes, traced, derived and compiled."""

@@ -1,0 +1,1 @@
+"""The question: events, what lies between them, and whether they fit together."""

@@ -1,0 +1,352 @@
+"""First paths outside of an obstacle, f(q, t) >= 0, and which parts of them are in contact.
+
+On a coarse mesh Ipopt minimises S with f >= 0 at the nodes, in a form that tells the distance
+(`System.with_contact_distance`); its multipliers tell which parts of the path are in contact. What
+passes between the nodes is looked for there: a path's polynomials are known everywhere.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actionopt.discrete.action.transcription import Transcription
+from actionopt.discrete.borders.borders import PhaseCondition, Rows, Times, times_of
+from actionopt.discrete.meshes.boundaries import with_boundaries
+from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.mechanics.question.held import Held, contacts_of
+from actionopt.mechanics.question.obstacle import EVENT_TOLERANCE, Arc
+from actionopt.mechanics.question.problem import Problem
+from actionopt.solver.refinement.first_mesh import COARSE_ELEMENTS
+from actionopt.solver.refinement.ipopt import Principle, find
+from actionopt.solver.refinement.workspace import Workspace
+from actionopt.solver.search.search import CURVED_HEIGHT
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import EPS, Array
+
+# Ad hoc, all of them.
+# In the motion's sizes, of the lines to either side of the straight one.
+HEIGHTS = CURVED_HEIGHT * 2.0 ** np.arange(4)
+ACROSS = np.linspace(0.0, 6.4, 129)  # in the motion's sizes, where the other side is looked for
+WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
+WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
+UNSEEN = 1e-9  # in units of the rows: what f is below zero there
+# points of each interval in which f is least, and how often it shrinks
+CLOSEST_POINTS, CLOSEST_ROUNDS = 40, 4
+TURN = np.pi / 4  # of the obstacle's normal along an element
+BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
+WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
+NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
+
+
+def sideways(free: DiscretePath) -> Array:
+    """Return a direction (n,) across a path's way, coordinates in units of `measures`."""
+    return _across((free.Q[-1] - free.Q[0]) / free.problem.measures)
+
+
+def _across(along: Array) -> Array:
+    """Return a direction (n,) across another one, any one if that is zero."""
+    side = np.cos(np.arange(1.0, 1.0 + along.size))
+    return side - (side @ along) / (along @ along) * along if along.any() else side
+
+
+def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
+    """Return the straight line (None), and lines curved to either side of it: past the obstacle.
+
+    Where integrals are given, lines bent by waves until they have their values.
+    """
+    n, m = problem.system.n, problem.system.m
+    if problem.integral is not None:
+        from actionopt.solver.search.waves import first_waves
+
+        times, random = times_of(problem), np.random.default_rng(0)
+        straight = Path(mesh, Transcription(problem, mesh, problem.lengths).straight().T)
+        bent = first_waves(problem, straight, times, problem.lengths, 2 * n, random)
+        return [path for path, _ in bent] or [None]
+    if n == 1:
+        return [None]
+    tr = Transcription(problem, mesh, problem.lengths)
+    Q, sizes = tr.straight(), problem.measures
+    last = len(problem.joints_found) - 1
+    bound = [k in (0, last) or bool(e.pinned) for k, e in enumerate(problem.joints_found)]
+    joints = tr.joints[bound]  # the others are passed wherever the line is then
+    leg = np.minimum(np.searchsorted(joints, np.arange(len(Q)), side="right"), len(joints) - 1) - 1
+    sides = np.array([_across(along) for along in np.diff(Q[joints], axis=0) / sizes])
+    first, last = mesh.nodes_since[joints[leg]], mesh.nodes_since[joints[leg + 1]]
+    part = (mesh.nodes_since - first) / (last - first)
+    bow = np.sin(np.pi * part)[:, None] * (sides[leg] * sizes)
+    outside = problem.system.with_contact.pointwise("constraint")
+    found: list[Path | None] = [None]
+    for sign in (1.0, -1.0):
+        for height in HEIGHTS:
+            line = Q + sign * height * bow
+            if (outside(line, mesh.nodes[:, None], problem.packed)[0][:, m:] >= 0).all():
+                break
+        found.append(Path(mesh, line.T))
+    return found
+
+
+def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) -> bool:
+    """Ask Ipopt for a least path with f >= 0 at the nodes; False if it finds none."""
+    free, started = ws.question, perf_counter()
+    ws.problem = Held(free, sought=True)
+    if ws.problem.boundaries:
+        mesh = with_boundaries(mesh, ws.problem.boundaries)
+    ws.transcribe(mesh, path, np.zeros((mesh.nodes.size, ws.problem.system.m)))
+    tr = ws.here.tr
+    with ws.record.clock("solve"):
+        outside = tr.layout.row_constraint >= free.system.m
+        equations, own = tr, slice(None, tr.layout.size)
+        if free.integral is not None:
+            equations, own = ws.here.equations.without(Rows, Times, PhaseCondition)
+        attempt = find(equations, ws.here.z[own], principle, outside)
+    ws.record.iterations["ipopt"] += attempt.iterations
+    ws.unbounded = attempt.status == "Diverging_Iterates"
+    ws.hint = NO_ROOM if attempt.status == "Infeasible_Problem_Detected" else ""
+    if attempt.converged:
+        z = ws.here.z.copy()
+        z[own] = attempt.z
+        ws.here = ws.here.moved(z)
+        ws.record.round(tr, perf_counter() - started)
+    return attempt.converged
+
+
+def contact_parts(found: DiscretePath) -> tuple[Arc, ...]:
+    """Return the parts in contact of what Ipopt found, as far as nodes tell."""
+    tr, t, on, held = found.tr, found.mesh.nodes, _pressing(found), contacts_of(found.problem)
+    f = held.system.constraint(found.Q.T, t, parameters=held.parameters)[held.free.system.m :]
+    # Events on the obstacle have no rows.
+    met = np.abs(f) <= EVENT_TOLERANCE * tr.row_units[-len(f) :, None]
+    distance = np.sqrt(np.maximum(f, 0.0))
+    arcs, inner = [], tr.joints[1:-1]
+    for i, row in enumerate(on):
+        row[0] |= row[1] and met[i, 0]
+        row[-1] |= row[-2] and met[i, -1]
+        row[inner] |= (row[inner - 1] | row[inner + 1]) & met[i, inner]
+        for k, l in runs(row):
+            if k == l and t[k] in held.fixed_times:  # at a free end alone, or at a kink
+                arcs.append(Arc(i, float(t[k]), float(t[k])))
+                continue
+            begin, end = float(t[k]), float(t[l])
+            if k not in inner:  # on the obstacle at an event it may leave at an angle
+                begin = _where_zero(t[k::-1], distance[i, k::-1])
+            if l not in inner:
+                end = _where_zero(t[l:], distance[i, l:])
+            arcs.append(Arc(i, begin, end))
+    return tuple(arcs)
+
+
+def other_sides(found: DiscretePath, arcs: tuple[Arc, ...]) -> list[Path]:
+    """Return curves that pass the obstacle on its other side, one for each part in contact.
+
+    Each curve moves the middle of its part straight across, and the path with it as far as the
+    parts before and behind. Obstacles without a far side, such as a half plane,
+    have no such curve.
+    """
+    held, mesh, curves = contacts_of(found.problem), found.mesh, []
+    parameters = held.parameters
+    if held.system.n == 1:
+        return []
+    sizes = held.measures
+    for arc in arcs:
+        events = [e.t for e in held.joints_found]
+        a = max(t for t in (*(x.end for x in arcs), *events) if t < arc.begin or t == events[0])
+        b = min(t for t in (*(x.begin for x in arcs), *events) if t > arc.end or t == events[-1])
+        if not a < arc.begin <= arc.end < b:
+            continue
+        t, i = (arc.begin + arc.end) / 2, held.free.system.m + arc.row
+        q = found.path(t)
+        inwards = -sizes * held.system.constraint_jacobian(q, t, parameters=parameters)[i]
+        away = sizes * inwards / np.linalg.norm(inwards)
+        line = q[:, None] + away[:, None] * ACROSS
+        f = held.system.constraint(line, np.full(ACROSS.size, t), parameters=parameters)[i]
+        behind = np.flatnonzero(np.logical_or.accumulate(f < 0) & (f >= 0))
+        if behind.size:
+            bump = np.interp(mesh.nodes, [a, arc.begin, arc.end, b], [0.0, 1.0, 1.0, 0.0])
+            curves.append(Path(mesh, found.Q.T + np.outer(ACROSS[behind[0]] * away, bump)))
+    return curves
+
+
+def hidden_contact_times(found: DiscretePath) -> list[Array]:
+    """Return times since the start around which a path is inside of the obstacle unseen.
+
+    There elements have to be shorter for their nodes to see it.
+    """
+    (t, f), reach = sample_rows(found), float(np.diff(found.mesh.nodes).max())
+    arcs, windows = contact_parts(found), []
+    for i, row in enumerate(f < -UNSEEN * found.tr.row_units[-len(f) :, None]):
+        for k, l in runs(row):
+            a, b = t[max(k - 1, 0)], t[min(l + 1, t.size - 1)]
+            near = (x for x in arcs if x.begin < b + reach and a - reach < x.end)
+            if all(arc.row != i for arc in near):
+                windows.append(_window(found, a - (b - a), b + (b - a)))
+    return windows
+
+
+def narrow_contact_times(found: DiscretePath) -> list[Array]:
+    """Return times since the start around which contact is seen by one or two nodes."""
+    t = found.mesh.nodes
+    return [
+        _window(found, t[max(k - 1, 0)], t[min(l + 1, t.size - 1)])
+        for row in _pressing(found)
+        for k, l in runs(row)
+        if l - k < 2
+    ]
+
+
+def cut_part(
+    a: float, b: float, duration: float, times: Array | None = None, turned: Array | None = None
+) -> Array:
+    """Return the times after a, up to b, at which elements of a path of a duration end.
+
+    By the angles (K,) by which an obstacle's normals `turned` at times (K,) from a to b, if any.
+    """
+    count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / duration)), 1)
+    if times is None or turned is None or not turned[-1] > TURN * count:
+        return np.linspace(a, b, count + 1)[1:]
+    count = int(np.ceil(turned[-1] / TURN))
+    # Half of them by the angle, half by the time.
+    both = (times - a) / (b - a) + turned / turned[-1]
+    return np.append(np.interp(np.linspace(0.0, 2.0, count + 1)[1:-1], both, times), b)
+
+
+def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Array]:
+    """Return times (K,) from a to b, since the start, and by what angle (K,) normals turned.
+
+    Those of the rows that are in contact all the while; of the most, where there are more.
+    """
+    m, start = held.free.system.m, held.start.t
+    rows = m + np.flatnonzero(held.active(np.array([start + (a + b) / 2]))[m:, 0])
+    if not rows.size:
+        return np.array([a, b]), np.zeros(2)
+    since = path.mesh.nodes_since
+    times = np.concatenate([[a], since[(a < since) & (since < b)], [b]])
+    turned, t = np.zeros(times.size), times + start
+    jacobian = held.system.pointwise("constraint_jacobian")
+    G = jacobian.full(0, jacobian(path(t).T, t[:, None], held.packed)[0])
+    normals = G[:, rows] * held.measures
+    normals /= np.maximum(np.linalg.norm(normals, axis=2), EPS)[:, :, None]
+    cosines = np.sum(normals[1:] * normals[:-1], axis=2)
+    angles = np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0)), axis=0)
+    turned[1:] = angles[:, np.argmax(np.nan_to_num(angles[-1]))]
+    return times, turned
+
+
+def rows_along(found: DiscretePath, t: Array) -> Array:
+    """Return the rows of the obstacle (r, K) along a path, at times t (K,)."""
+    return contacts_of(found.problem).rows(found.path(t), t)
+
+
+def rows_between(found: DiscretePath) -> tuple[Array, Array]:
+    """Return the times (K,) of a path's nodes and of others between, and its rows (r, K) then."""
+    mesh, inner = found.mesh, lgl(BETWEEN).nodes[1:-1]
+    times, places = [mesh.nodes], [found.Q]
+    for g in mesh.groups:
+        part = mesh.lengths[g.elements, None] * ((inner + 1) / 2)
+        times.append((mesh.boundaries[g.elements, None] + part).ravel())
+        between = g.rule.interpolation(inner) @ found.Q[g.nodes]
+        places.append(between.reshape(-1, found.Q.shape[1]))
+    t, where = np.unique(np.concatenate(times), return_index=True)
+    return t, contacts_of(found.problem).rows(np.concatenate(places)[where].T, t)
+
+
+def sample_rows(found: DiscretePath) -> tuple[Array, Array]:
+    """Return times (K,) between the nodes, those with a row least among its neighbours, and rows.
+
+    Also where one may be least beside an end of the path or of contact: there f is zero and may
+    fall before it grows. The rows are (r, K).
+    """
+    held, (t, rows) = contacts_of(found.problem), rows_between(found)
+    slope = np.diff(rows)
+    on = np.zeros((len(slope), t.size), dtype=bool)
+    if held.arcs is not None:
+        on = held.active(t)[held.free.system.m :]
+    i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0) & ~on[:, 1:-1])
+    edge = on[:, 1:] != on[:, :-1]
+    edge[:, [0, -1]] |= ~on[:, [0, -1]]
+    row, at = np.nonzero(edge)
+    i, begin, end = np.append(i, row), np.append(t[k], t[at]), np.append(t[k + 2], t[at + 1])
+    times, values, each = [t], [rows], np.arange(i.size)
+    for k in range(CLOSEST_ROUNDS if i.size else 0):
+        near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSEST_POINTS)
+        rows = rows_along(found, near.ravel()).reshape(-1, *near.shape)
+        f = rows[i, each]
+        least = np.argmin(f, axis=1)
+        within = (least > 0) & (least < CLOSEST_POINTS - 1)  # at an end it is among the others
+        least = np.clip(least, 1, CLOSEST_POINTS - 2)
+        # Later ones tell the least alone.
+        told = each[:, None], least[:, None] + [-1, 0, 1]
+        times.append((near[told] if k else near).ravel())
+        values.append((rows[:, *told] if k else rows).reshape(len(rows), -1))
+        begin, end = near[each, least - 1], near[each, least + 1]
+        rise = np.maximum(f[each, least - 1], f[each, least + 1]) - f[each, least]
+        left = within & (f[each, least] < rise)  # else it stays outside
+        if not left.any():
+            break
+        i, begin, end, each = i[left], begin[left], end[left], each[: np.sum(left)]
+    t, where = np.unique(np.concatenate(times), return_index=True)
+    return t, np.concatenate(values, axis=1)[:, where]
+
+
+def is_of_higher_order(found: DiscretePath) -> bool:
+    """Return whether a row in contact grows as a whole power of the distance from its surface.
+
+    In the form that tells the distance (`System.with_contact_distance`) a row that grows as its
+    power k has the slope 1 / k at the surface. Planes, which keep their own form, may have any.
+    """
+    held, t = contacts_of(found.problem), found.mesh.nodes
+    if not held.sought:
+        return False
+    own = Held(held.free, held.arcs).system
+    told, given = (
+        x.constraint_jacobian(found.Q.T, t, parameters=held.parameters) for x in (held.system, own)
+    )
+    slopes = np.linalg.norm(told * held.measures[:, None], axis=1)
+    for i, row in enumerate(held.active(t) & np.isfinite(slopes)):  # none on a power's surface
+        if i < held.free.system.m or not row.any() or (told[i] == given[i]).all():
+            continue
+        k = np.round(1 / np.maximum(np.median(slopes[i, row]), EPS))
+        if k > 1 and np.abs(k * slopes[i, row] - 1).max() < WHOLE / k:
+            return True
+    return False
+
+
+def runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first and the last index of each run of True in a row (K,)."""
+    change = np.diff(np.concatenate([[0], row.astype(int), [0]]))
+    first, behind = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return list(zip(first.tolist(), (behind - 1).tolist(), strict=True))
+
+
+def _pressing(found: DiscretePath) -> NDArray[np.bool_]:
+    """Return at which nodes a row presses, (r, K): its multiplier exceeds the row."""
+    tr, layout, system = found.tr, found.tr.layout, contacts_of(found.problem).system
+    pressing = -found.z[layout.unknowns : layout.size] > np.maximum(tr.constraint(found.x), WEAK)
+    on = np.zeros((system.m, layout.node_count), dtype=bool)
+    on[layout.row_constraint[pressing], layout.row_node[pressing]] = True
+    if found.problem.advance is not None:  # where a path closes, its end is its start
+        on[:, -1] |= on[:, 0]
+    return on[contacts_of(found.problem).free.system.m :]
+
+
+def _window(found: DiscretePath, a: float, b: float) -> Array:
+    """Return times since the start at which to cut elements from a to b."""
+    since = np.linspace(a, b, WINDOW + 1) - found.problem.start.t
+    return since[(since > 0) & (since < found.problem.duration)]
+
+
+def _where_zero(t: Array, distance: Array) -> float:
+    """Return the time at which contact begins, from nodes outside of it, the nearest one first.
+
+    Near contact f grows as the square of the time from it: its square root `distance` (K,) at the
+    times t (K,) is extrapolated to zero by the line through the second and the third.
+    """
+    if t.size < 3:
+        return float(t[-1] if t.size == 1 else t.mean())
+    rate = (distance[2] - distance[1]) / (t[2] - t[1])
+    zero = t[1] - distance[1] / rate if rate else t[0]
+    return float(np.clip(zero, min(t[0], t[1]), max(t[0], t[1])) * 0.98 + 0.02 * t[:2].mean())

@@ -1,0 +1,1 @@
+"""Ends at infinite times, at times to be found, and anywhere along a closed path."""

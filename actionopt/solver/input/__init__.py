@@ -1,0 +1,1 @@
+"""What is given to solve: arguments, a guess as a curve, and what can be wrong with a question."""

@@ -1,0 +1,1 @@
+"""From a first path to one that is stationary, by one strategy after the other."""
