@@ -101,3 +101,16 @@ def test_a_mechanism_of_which_the_crank_is_given_moves(first, last):
     assert np.max(np.abs(closed(Q))) < 1e-7
     side = np.sin(Q[1] - Q[2])  # of the coupler to the rocker: it would vanish on the way
     assert np.all(side * side[0] > 0)
+
+
+@pytest.mark.long
+def test_constraints_choose_what_an_event_leaves_open_where_no_step_leads_to_it():
+    """From the middle of a circle, x given, y may be of either sign: the straight line has none."""
+    circle = ao.System(lambda q, v, a, t: a @ a / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    start = ao.Event(0, [1, 0], v=[0, 0])
+    y = np.sqrt(0.75)
+    one, both = (
+        ao.solve(ao.Problem(circle, start, ao.Event(1, q))) for q in ([0.5, None], [0.5, y])
+    )
+    assert abs(one(1.0)[1]) == pytest.approx(y)
+    assert one.action == pytest.approx(both.action, rel=1e-7)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.mechanics.question.events import Event
 from actionopt.mechanics.question.problem import Problem
@@ -12,6 +13,7 @@ from actionopt.tools.types import Array
 # Newton's method to a surface; ad hoc.
 LONGEST_WAY = 60  # steps
 FIRST_SURFACE_STEP = 10.0  # the first step, in the coordinates' sizes; each next one twice as far
+TRIED_PLACES = 16  # from which a place that keeps the constraints is sought; ad hoc
 LAST_SURFACE_STEP = 1e-9  # the last step: the next would be its square
 
 
@@ -99,3 +101,25 @@ def onto(
             break
     q[~(largest < LAST_SURFACE_STEP)] = np.nan
     return q
+
+
+def shear_to_surface(tr: Transcription, Q: Array) -> Array:
+    """Return a straight line Q (K, n) sheared to ends that the constraints allow.
+
+    Where an event gives a part of the coordinates, and from the line no step leads to the others:
+    by symmetry, as from the middle of a circle, x given, to either y.
+    """
+    problem, system = tr.problem, tr.problem.system
+    share = (tr.mesh.nodes_since / tr.mesh.duration)[:, None]
+    spread = np.random.default_rng(0).standard_normal((TRIED_PLACES, system.n)) * tr.lengths
+    events = ((problem.start, 0, 1 - share), (problem.end, -1, share))
+    for event, k, weight in events[: 1 if problem.advance is not None else 2]:
+        if not 0 < len(event.pinned) < system.n:
+            continue
+        t = np.full(1 + TRIED_PLACES, tr.mesh.nodes[k])
+        found = onto(problem, event, np.vstack([Q[k], Q[k] + spread]), t, tr.lengths)
+        known = found[np.isfinite(found).all(axis=1)]
+        if np.isnan(found[0]).any() and len(known):
+            nearest = np.argmin(np.abs((known - Q[k]) / tr.lengths).max(axis=1))
+            Q = Q + weight * (known[nearest] - Q[k])
+    return Q

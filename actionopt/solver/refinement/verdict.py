@@ -16,7 +16,6 @@ from actionopt.solver.refinement.workspace import Workspace
 
 # Verdicts on paths of which nothing is known but what their mesh leaves out.
 UNKNOWN = (Status.NOT_FOUND, Status.OUT_OF_TIME, Status.UNRESOLVED)
-TRIED_PLACES = 16  # from which one that keeps the constraints is sought; ad hoc
 
 
 def solution_of(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
@@ -87,7 +86,7 @@ def message_of(solution: Solution, tol: float, hint: str = "", reason: str = "")
 
 def _events_off_constraints(problem: Problem) -> Iterator[str]:
     """Yield which end gives coordinates with which no point of the constraints was found."""
-    from actionopt.discrete.borders.surfaces import onto
+    from actionopt.discrete.borders.surfaces import TRIED_PLACES, onto
 
     system, names = problem.system, problem.system.coordinates
     spread = np.random.default_rng(0).standard_normal((TRIED_PLACES, system.n))

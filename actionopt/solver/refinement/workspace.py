@@ -242,6 +242,10 @@ class Workspace(Generic[Place]):
             if system.m and lam is None:
                 from actionopt.discrete.action.projection import project, project_on
 
+                if path is None and system.order > 1:  # others are moved on by Ipopt
+                    from actionopt.discrete.borders.surfaces import shear_to_surface
+
+                    Q = shear_to_surface(tr, Q)
                 Q = (project_on if path is None and _chooses(self.problem) else project)(tr, Q)
             if not self.checked:
                 check(tr, Q, borrowed=units is not None)
