@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.analysis.quadratic.assembled import AssembledForm, assemble
-from actionopt.analysis.quadratic.index import INDEX_RESOLUTION, Inertia
+from actionopt.analysis.quadratic.index import Inertia
 from actionopt.analysis.quadratic.jacobi import FIELD_ROUNDS, refine_where, resolve, tails
 from actionopt.analysis.quadratic.second_variation import Form, are_units
 from actionopt.analysis.quadratic.second_variation import form as form_of
@@ -37,6 +37,8 @@ NEARLY_SETTLED = 1e-9  # of the values: steps this small that do not halve are r
 # Blocks with one shift, and how many more may be needed before another one pays; ad hoc.
 FIRST_BLOCKS, KRYLOV_BLOCKS = 6, 6
 KRYLOV_ERROR = 1e-13  # of values and shift, how far values move that have settled
+# What the mesh leaves out of Jacobi fields, values to its square: beside the path's error. Derived
+MODE_RESOLUTION = 1e-5
 MODE_TAIL = 1e-4  # last coefficients of modes in their units: values to its square. Measured
 MODE_WORK = 1e5  # modes times unknowns: no finer mesh beyond. Ad hoc: about two seconds
 SPARE_MODES = 2  # sought beside those that are asked for, which may be as low; ad hoc
@@ -153,12 +155,11 @@ def _on_mesh(
     With that mesh, the units and whether a shift of time is among the modes.
     """
     # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
-    resolution = INDEX_RESOLUTION / 100
-    form = assemble_if_large(first, error, resolution, count)
+    form = assemble_if_large(first, error, MODE_RESOLUTION, count)
     if form is not None:
         values, vectors = _Assembled(form, given).lowest(count, found.index + found.nullity)
         return values, _variations(form, vectors), form.at.mesh, given, False
-    form = form_of(resolve(first, error, resolution).at, given, phase=False)
+    form = form_of(resolve(first, error, MODE_RESOLUTION).at, given, phase=False)
     values, vectors = lowest(form, count)
     nodes = np.zeros((len(form.basis), form.freedom, len(values)))
     nodes.reshape(-1, len(values))[_free(form)] = vectors
