@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.laws.compiled import Pointwise
 from actionopt.mechanics.laws.identity import (
     CANCELLED,
     GENERIC,
@@ -147,9 +148,11 @@ def _is_same_for_all(problem: Any, c: Array) -> bool:
         return False
     if way is None and min(len(e.pinned) for e in events) < system.n:
         return False
+    if not _is_same_for_two(problem, c):  # this tells most apart, and derives nothing
+        return False
     terms = np.concatenate([x * _equations(problem, i) for i, x in enumerate(c) if x], axis=2)
     with suppress(ValueError):  # it is finite nowhere in general position
-        return negligible(remainder(terms)) and _is_same_for_two(problem, c)
+        return negligible(remainder(terms))
     return False
 
 
@@ -196,17 +199,21 @@ def _is_same_for_two(problem: Any, c: Array) -> bool:
     q0 = np.array([0.0 if x is None else x for x in problem.start.q or [0.0] * system.n])
     way = problem.end.q - q0 if problem.advance is None else np.array(problem.advance)
     size = np.maximum(problem.lengths, 1e-300)
+    bend = np.stack([0.0 * size, size * np.linspace(0.5, 1.0, system.n)])[:, None]
     s = (np.arange(CURVE_POINTS)[:, None] + 0.5) / CURVE_POINTS
-    symbols = system.symbols
-    integrand = ca.Function("integrand", [symbols.q, symbols.v, symbols.t, symbols.p], [system.g])
-    found = []
-    for bend in (0.0 * size, size * np.linspace(0.5, 1.0, system.n)):
-        q = q0 + way * s + bend * np.sin(np.pi * s)
-        v = (way + bend * np.pi * np.cos(np.pi * s)) / T
-        g = integrand.map(len(q))(q.T, v.T, t0 + T * s.T, problem.packed.T).full()
-        found.append((c @ g.mean(axis=1), np.abs(c) @ np.abs(g).mean(axis=1)))
-    (one, size_of_one), (other, size_of_other) = found
-    return bool(abs(one - other) <= SAME_INTEGRAL * max(size_of_one, size_of_other))
+    q = q0 + way * s + bend * np.sin(np.pi * s)
+    v = (way + bend * np.pi * np.cos(np.pi * s)) / T
+    x = system.symbols
+
+    def build() -> Pointwise:
+        return Pointwise(ca.Function("integrands", [x.q, x.v, x.t, x.p], [ca.densify(system.g)]))
+
+    curves = q.reshape(-1, system.n), v.reshape(-1, system.n), np.tile(t0 + T * s, (2, 1))
+    with np.errstate(all="ignore"):
+        (g,) = system.memoize("integrands", build)(*curves, problem.packed)
+        g = (c * g)[:, c != 0].reshape(2, CURVE_POINTS, -1)
+        one, other = g.mean(axis=1).sum(axis=1)
+        return bool(abs(one - other) <= SAME_INTEGRAL * np.abs(g).mean(axis=1).sum(axis=1).max())
 
 
 def _check_straight(problem: Any) -> None:
@@ -224,30 +231,25 @@ def _check_straight(problem: Any) -> None:
         if min(len(e.pinned) for e in events) < system.n:
             return
         way = np.subtract(events[1].q, events[0].q)
-    s = system.symbols
     for i, asked in enumerate(problem.integral):
-        g = system.g[i]
-        if ca.depends_on(g, ca.vertcat(s.q, s.t)):
+        known = system.memoize(f"rates of integral {i}", lambda g=system.g[i]: _of_rates(system, g))
+        if known is None:
             continue
-        known = ca.hessian(g, s.v)
-        is_linear = not ca.depends_on(known[1], s.v)
-        known = [g, known[0]]
-        of = system.memoize(f"integrand {i}", lambda k=known: ca.Function("g", [s.v, s.p], k))
-        packed = problem.packed.ravel()
-        at_rest, bends = (x.full() for x in of(np.zeros(system.n), packed))
+        of, is_linear = known
+        g, bends = (x.copy() for x in of(np.stack([0.0 * way, way / T]), problem.packed))
         with np.errstate(all="ignore"):
-            unit = np.sqrt(np.abs(at_rest[0] / np.diag(bends)))
+            unit = np.sqrt(np.abs(g[0] / bends[0, :: system.n + 1]))
         unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)
         # Of all sizes: near zero another g may bend back.
         points = general_states(system.n)[1]
-        values, hessians = of.map(len(points))((points * unit).T, packed)
-        hessians = hessians.full().T.reshape(-1, system.n, system.n) * np.outer(unit, unit)
+        values, hessians = of(points * unit, problem.packed)
+        hessians = hessians.reshape(-1, system.n, system.n) * np.outer(unit, unit)
         if not np.isfinite(hessians).all():
             continue
         bends = np.linalg.eigvalsh(hessians)
-        of_value = np.abs(values.full()[0]) / np.sum(points**2, axis=1)
+        of_value = np.abs(values[:, 0]) / np.sum(points**2, axis=1)
         size = CANCELLED * (np.abs(bends).max(axis=1) + of_value)[:, None]
-        straight = T * float(of(way / T, packed)[0])
+        straight = T * float(g[1, 0])
         for sign, most, few in ((1, "least", "less"), (-1, "largest", "more")):
             beyond, rounding = sign * (straight - asked), CANCELLED * abs(straight)
             seen = is_linear or (sign * bends > size).any()  # |v| has more, though it never bends
@@ -265,6 +267,16 @@ def _check_straight(problem: Any) -> None:
                     f"{asked:g}, the {most}, which the straight line has alone: nothing is left to "
                     "vary, and no multiplier is determined; change the value"
                 )
+
+
+def _of_rates(system: System, g: ca.SX) -> tuple[Pointwise, bool] | None:
+    """Return g(v) and its second derivatives, and whether g is linear; None of more arguments."""
+    s = system.symbols
+    if ca.depends_on(g, ca.vertcat(s.q, s.t)):
+        return None
+    H, slope = ca.hessian(g, s.v)
+    outputs = [ca.densify(g), ca.densify(H)]
+    return Pointwise(ca.Function("g", [s.v, s.p], outputs)), not ca.depends_on(slope, s.v)
 
 
 def check_surfaces(problem: Any) -> None:
