@@ -63,42 +63,23 @@ AHEAD, DURATION_CUT = 3.0, 0.4
 
 @dataclass
 class FirstPaths:
-    """The first paths of a search for a path of a given energy.
-
-    Attributes
-    ----------
-    problem : Problem
-    tol : float
-    watch : Watch or None
-        Of the search for which they are.
-    hint : str
-        What to add to the verdict: how low the energy gets.
-    merged : DiscretePath or None
-        The path that two paths are at the energy, if they are one there.
-    refused : ValueError or None
-        Why the first question over a given duration was no question, if one was not.
-    blocked : str
-        That the energy is below the potential on the straight line, if it is.
-    barred : bool
-        Whether it is below that on all curves that were tried: then only quick ways are worth it.
-    lost : list of float
-        Durations over which no path was found by quick ways.
-    of_family : Path or None
-        One of a family of paths over one of them.
-    solved : DiscretePath or None
-        The path over a given duration that was yielded last: its question is in order.
-    """
+    """The first paths of a search for a path of a given energy."""
 
     problem: Problem
     tol: float
-    watch: Watch | None = None
-    hint: str = ""
+    watch: Watch | None = None  # of the search for which they are
+    hint: str = ""  # what to add to the verdict: how low the energy gets
+    # The path that two paths are at the energy, if they are one there.
     merged: DiscretePath | None = None
+    # Why the first question over a given duration was no question, if one was not.
     refused: ValueError | None = None
-    blocked: str = ""
+    blocked: str = ""  # that the energy is below the potential on the straight line, if it is
+    # Whether it is below that on all curves that were tried: then only quick ways are worth it.
     barred: bool = False
+    # Durations over which no path was found by quick ways.
     lost: list[float] = field(default_factory=list)
-    of_family: Path | None = None
+    of_family: Path | None = None  # one of a family of paths over one of them
+    # The path over a given duration that was yielded last: its question is in order.
     solved: DiscretePath | None = None
 
     def firsts(

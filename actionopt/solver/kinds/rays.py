@@ -42,19 +42,11 @@ MOST_WAYS_ON = 8  # all choices of three events
 
 
 class Ray(NamedTuple):
-    """A motion through events.
+    """A motion through events."""
 
-    Attributes
-    ----------
-    times : (k + 2,) array
-    places : (k + 2, n) array
-    legs : list of Track
-        Of it alone.
-    """
-
-    times: Array
-    places: Array
-    legs: list[Track]
+    times: Array  # (k + 2,)
+    places: Array  # (k + 2, n)
+    legs: list[Track]  # of it alone
 
     def values(self, leg: int, parts: Array) -> Array:
         """Return coordinates (K, n) at parts (K,) of the time of a leg."""

@@ -82,23 +82,14 @@ PUSHED, HELD_FORCE = 1e-8, 1.0
 
 @dataclass(eq=False)
 class Unfixed(Workspace[UnfixedPath]):
-    """The workspace of a search for a path whose duration is free, or that closes anywhere.
+    """The workspace of a search for a path whose duration is free, or that closes anywhere."""
 
-    Attributes
-    ----------
-    found_by : str
-        The way that led to the path at hand.
-    along : tuple of Path
-        Directions of the family of closed paths that it is held along, all of them.
-    times : (k + 2,) array or None
-        Those of the events of a course where its first path passes them.
-    size : float
-        How far from zero a first path goes that closes and moves, and may shrink to a rest.
-    """
-
-    found_by: str = "none"
+    found_by: str = "none"  # the way that led to the path at hand
+    # Directions of the family of closed paths that it is held along, all of them.
     along: tuple[Path, ...] = ()
+    # (k + 2,): those of the events of a course where its first path passes them.
     times: Array | None = None
+    # How far from zero a first path goes that closes and moves, and may shrink to a rest.
     size: float = 0.0
     _moves: tuple[Move, ...] | None = None
 
@@ -552,25 +543,15 @@ def solve_free_boundary(
 
 @dataclass(eq=False)
 class _FreeBoundarySearch:
-    """A search for a path whose duration is to be found, or that closes.
-
-    Attributes
-    ----------
-    run : Unfixed
-    first : FirstPaths
-    guess : Guess or DiscretePath or None
-    choices : Choices
-    barrier : str
-        Why no motion of the energy leads to the end, if that is known.
-    known : bool
-        Whether a path was found whose error is known, or that is none as its energy tells.
-    """
+    """A search for a path whose duration is to be found, or that closes."""
 
     run: Unfixed
     first: FirstPaths
     guess: Guess | DiscretePath | None
     choices: Choices
+    # Why no motion of the energy leads to the end, if that is known.
     barrier: str = field(init=False)
+    # Whether a path was found whose error is known, or that is none as its energy tells.
     known: bool = False
 
     def __post_init__(self) -> None:

@@ -38,24 +38,12 @@ DOUBLINGS = 2.0 ** np.arange(1, 9)  # of a step, that are looked at together
 
 @immutable
 class Descended:
-    """The end of a descent.
+    """The end of a descent."""
 
-    Attributes
-    ----------
-    z : (size,) array
-        The last iterate.
-    found : bool
-        Whether Newton's method contracts there, and the Hessian is positive definite.
-    runaway : bool
-        Whether the path ran away instead: the action is unbounded below.
-    iterations : int
-        Factorizations used.
-    """
-
-    z: Array
-    found: bool
-    runaway: bool
-    iterations: int
+    z: Array  # (size,): the last iterate
+    found: bool  # whether Newton's method contracts there, and the Hessian is positive definite
+    runaway: bool  # whether the path ran away instead: the action is unbounded below
+    iterations: int  # factorizations used
 
 
 def descend(

@@ -60,39 +60,18 @@ Number = TypeVar("Number", float, Array)
 
 @immutable
 class Iterate(DiscretePath):
-    """A path under way.
+    """A path under way."""
 
-    Attributes
-    ----------
-    sizes : (n,) array
-        Largest values of the coordinates: the units of errors.
-    lengths : (n,) array
-        Extents of the motion: the units of steps.
-    gain : float
-        Ratio of global to local error.
-    noise : float
-        Amplified round-off, in units of `sizes`.
-    error : float
-        The estimate; infinite where Newton's method has not been at the path.
-    factors : Factors or None
-        Of the matrix at the path or close to it, if they are kept.
-    probed : (size,) array or None
-        The `probe` of the layout after a step of inverse iteration.
-    since : float
-        How far it and its multipliers are from where that matrix was taken.
-    represented : Resolution or None
-        How well the mesh represents it, where that is known.
-    """
-
-    sizes: Array
-    lengths: Array
-    gain: float = UNKNOWN_GAIN
-    noise: float = 0.0
-    error: float = np.inf
-    factors: Factors | None = None
+    sizes: Array  # (n,): largest values of the coordinates: the units of errors
+    lengths: Array  # (n,): extents of the motion: the units of steps
+    gain: float = UNKNOWN_GAIN  # ratio of global to local error
+    noise: float = 0.0  # amplified round-off, in units of `sizes`
+    error: float = np.inf  # the estimate; infinite where Newton's method has not been at the path
+    factors: Factors | None = None  # of the matrix at the path or close to it, if they are kept
+    # (size,): the `probe` of the layout after a step of inverse iteration.
     probed: Array | None = None
-    since: float = 0.0
-    represented: Resolution | None = None
+    since: float = 0.0  # how far it and its multipliers are from where that matrix was taken
+    represented: Resolution | None = None  # how well the mesh represents it, where that is known
 
     @property
     def equations(self) -> Equations:

@@ -25,24 +25,15 @@ class Clock:
 
 @dataclass(eq=False)
 class Record:
-    """Statistics of a search for `Solution.stats`; they are never used for decisions.
+    """Statistics of a search for `Solution.stats`; they are never used for decisions."""
 
-    Attributes
-    ----------
-    iterations : Counter
-        By method: "newton", "descent", "ipopt", "continuation".
-    evaluations : Counter
-        By function.
-    rounds : list of dict
-        One for each mesh on which the path was found: elements, degrees, unknowns, the estimate of
-        the error if there was one, and the seconds.
-    time : dict
-        Seconds, by what they were spent on.
-    """
-
+    # By method: "newton", "descent", "ipopt", "continuation".
     iterations: Counter[str] = field(default_factory=Counter)
-    evaluations: Counter[str] = field(default_factory=Counter)
+    evaluations: Counter[str] = field(default_factory=Counter)  # by function
+    # One for each mesh on which the path was found: elements, degrees, unknowns, the estimate of
+    # the error if there was one, and the seconds.
     rounds: list[dict[str, Any]] = field(default_factory=list)
+    # Seconds, by what they were spent on.
     time: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def clock(self, name: str) -> Clock:

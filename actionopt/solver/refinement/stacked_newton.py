@@ -36,35 +36,24 @@ STRAGGLERS = 0.05  # of a part, that are not worth calls of their own: they begi
 
 @dataclass(eq=False)
 class FollowedStack:
-    """The ends of Newton's method on C paths.
+    """The ends of Newton's method on C paths."""
 
-    Attributes
-    ----------
-    Q : (C, K, n) array
-        Coordinates at the nodes.
-    converged : (C,) array of bool
-        Whether the steps contracted down to round-off, and sizes and velocities are known.
-    iterations : (C,) array of int
-    moved, noise, omitted, missed, probed, drift : (C,) arrays
-        Distance from the first iterate; amplified round-off; the largest coefficient left out;
-        how far it would move if forces were summed over other points; and if round-off were in
-        the matrix; how far it is carried by what its energy varies, nan where L may step. In units
-        of each coordinate's own size.
-    action : (C,) array
-    momenta : (C, 2, n) array
-    """
-
-    Q: Array
+    Q: Array  # (C, K, n): coordinates at the nodes
+    # (C,): whether the steps contracted down to round-off, and sizes and velocities are known.
     converged: NDInt
-    iterations: NDInt
+    iterations: NDInt  # (C,)
+    # moved, noise, omitted, missed, probed, drift (C,): distance from the first iterate; amplified
+    # round-off; the largest coefficient left out; how far it would move if forces were summed over
+    # other points; and if round-off were in the matrix; how far it is carried by what its energy
+    # varies, nan where L may step. In units of each coordinate's own size.
     moved: Array
     noise: Array
     omitted: Array
     missed: Array
     probed: Array
     drift: Array
-    action: Array
-    momenta: Array
+    action: Array  # (C,)
+    momenta: Array  # (C, 2, n)
 
     @classmethod
     def nowhere(cls, Q: Array) -> FollowedStack:

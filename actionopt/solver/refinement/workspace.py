@@ -79,59 +79,28 @@ class Workspace(Generic[Place]):
 
     A way that leads nowhere says so and leaves the iterate where it was, or where it was lost:
     iterates do not change, so that going back is keeping the old one.
-
-    Attributes
-    ----------
-    problem : Problem
-    linear : bool
-        Whether its equations are.
-    tol : float
-        To which the path is wanted.
-    refines : bool
-        Whether a path that is not resolved goes on to another mesh.
-    many : bool
-        Whether it is one of many such paths, on meshes of the same shapes.
-    gain : float
-        Ratio of global to local error to begin with.
-    units : Transcription or None
-        Whose units of action and constraints serve again.
-    checked : bool
-        Whether the question was found to be in order.
-    unbounded : bool
-        Whether the last minimisation found the action unbounded.
-    recovered : bool
-        Whether the last transfer lost the path and found it again.
-    astray : bool
-        Whether a neighbour's path led to where plain Newton steps will hardly arrive.
-    hint : str
-        What to add to the verdict.
-    best : Iterate or None
-        Where it was polished last, if time may run out.
-    unpolished : Iterate or None
-        A path that was near, and not to be polished.
-    inside : float
-        How far the path is inside of an obstacle where it is not held, in its own size.
-    unbalance : Jump, Imbalance or None
-        Where the balance of energy did not hold along the last path that was resolved.
     """
 
     problem: Problem
-    linear: bool = False
-    tol: float = 0.0
-    refines: bool = True
-    many: bool = False
+    linear: bool = False  # whether its equations are
+    tol: float = 0.0  # to which the path is wanted
+    refines: bool = True  # whether a path that is not resolved goes on to another mesh
+    many: bool = False  # whether it is one of many such paths, on meshes of the same shapes
     watch: Watch | None = None
     record: Record = field(default_factory=Record)
-    gain: float = UNKNOWN_GAIN
-    units: Transcription | None = None
-    checked: bool = False
-    unbounded: bool = False
-    recovered: bool = False
+    gain: float = UNKNOWN_GAIN  # ratio of global to local error to begin with
+    units: Transcription | None = None  # whose units of action and constraints serve again
+    checked: bool = False  # whether the question was found to be in order
+    unbounded: bool = False  # whether the last minimisation found the action unbounded
+    recovered: bool = False  # whether the last transfer lost the path and found it again
+    # Whether a neighbour's path led to where plain Newton steps will hardly arrive.
     astray: bool = False
-    hint: str = ""
-    best: Iterate | None = None
-    unpolished: Iterate | None = None
+    hint: str = ""  # what to add to the verdict
+    best: Iterate | None = None  # where it was polished last, if time may run out
+    unpolished: Iterate | None = None  # a path that was near, and not to be polished
+    # How far the path is inside of an obstacle where it is not held, in its own size.
     inside: float = 0.0
+    # Where the balance of energy did not hold along the last path that was resolved.
     unbalance: Jump | Imbalance | None = None
     iterate: Place | None = None
 

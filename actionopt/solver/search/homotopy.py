@@ -96,23 +96,14 @@ class Inertias:
 
 @dataclass(eq=False)
 class HomotopyCurve:
-    """A way along the curve R(z) = (1 - s) `force`, one step after the other.
-
-    Attributes
-    ----------
-    tr : Transcription
-    z, force : (size,) arrays
-    inertias : Inertias or None
-        With which the force varies.
-    ds : float
-        Of the direction.
-    """
+    """A way along the curve R(z) = (1 - s) `force`, one step after the other."""
 
     tr: Transcription
+    # z, force (size,)
     z: Array
     force: Array
-    inertias: Inertias | None = None
-    ds: float = 1.0
+    inertias: Inertias | None = None  # with which the force varies
+    ds: float = 1.0  # of the direction
     s: float = 0.0
     direction: Array | None = None
     length: float = FIRST_ARC

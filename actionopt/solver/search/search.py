@@ -70,43 +70,28 @@ FIRST_FEW = 2
 
 @immutable
 class Strategy:
-    """A way to a first path, from the straight line or a curved one.
-
-    Attributes
-    ----------
-    name : str
-    meshes : tuple of int
-        Numbers of elements of the meshes on which it is tried in turn.
-    minimises : bool
-        Whether what it finds is a least path. Such a strategy is tried only as long as there may be
-        one, others only as long as no saddle is in hand.
-    steep : bool
-        Whether a mesh that may resolve the path at once is worth its cost.
-    lengthy : bool
-        Whether it takes hundreds of factorizations: the last resort where each costs much.
-    persistent : bool
-        Whether it may succeed on a finer mesh where it fails on a coarse one.
-    curves : bool
-        Whether curved lines are tried before what costs more, where its path cannot be refined.
-    reliable : bool
-        Whether a rough path on the last of its meshes is worth refining.
-    absolute : bool
-        Whether it compares actions, or forces in one unit: where inertias are uneven, what is light
-        is below their round-off.
-    cost : int
-        Second derivatives on one element, in the time of which it succeeds as a rule; measured on
-        lattices and pendulums of 1 to 5 coordinates.
-    """
+    """A way to a first path, from the straight line or a curved one."""
 
     name: str
-    meshes: tuple[int, ...]
+    meshes: tuple[int, ...]  # numbers of elements of the meshes on which it is tried in turn
+    # Whether what it finds is a least path. Such a strategy is tried only as long as there may be
+    # one, others only as long as no saddle is in hand.
     minimises: ClassVar[bool] = False
+    # Whether a mesh that may resolve the path at once is worth its cost.
     steep: ClassVar[bool] = False
+    # Whether it takes hundreds of factorizations: the last resort where each costs much.
     lengthy: ClassVar[bool] = False
+    # Whether it may succeed on a finer mesh where it fails on a coarse one.
     persistent: ClassVar[bool] = True
+    # Whether curved lines are tried before what costs more, where its path cannot be refined.
     curves: ClassVar[bool] = False
+    # Whether a rough path on the last of its meshes is worth refining.
     reliable: ClassVar[bool] = True
+    # Whether it compares actions, or forces in one unit: where inertias are uneven, what is light
+    # is below their round-off.
     absolute: ClassVar[bool] = True
+    # Second derivatives on one element, in the time of which it succeeds as a rule; measured on
+    # lattices and pendulums of 1 to 5 coordinates.
     cost: ClassVar[int] = 20
 
     def meshes_for(self, search: Search) -> tuple[int, ...]:
