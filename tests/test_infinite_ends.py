@@ -12,6 +12,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import actionopt as ao
+from actionopt.analysis.quadratic import index
 from actionopt.families.searches import centres
 from actionopt.families.searches.centres import FIRST_DISTANCE, _fates, guesses
 from actionopt.mechanics.question.rest import rest
@@ -83,6 +84,15 @@ def test_a_long_dwell_is_said_and_shorter_ones_are_solved():
     assert abs(dwelt.action - 4 / 3) < 1e-10
     short = ao.solve(ao.Problem(KINK, ao.Event(-5, [-1.0]), ao.Event(5, [1.0])))
     assert abs(short.action - 1.3333333663) < 1e-10
+
+
+def test_that_a_kink_dwells_is_told_by_its_shift_in_time(monkeypatch):
+    """Near the ends v = 8 e^-12 cosh 2 s: int ds / v^2 is e^24 / 128, and int a^2 is 16/15."""
+    counted = []
+    monkeypatch.setattr(index, "inertia", lambda *_, **__: counted.append(1))
+    dwelt = ao.solve(ao.Problem(KINK, ao.Event(-6, [-1.0]), ao.Event(6, [1.0])), throw=False)
+    assert dwelt.status is ao.Status.DWELLING and not counted
+    assert dwelt.stats["condition"] == pytest.approx(np.exp(24) / 240, rel=1e-3)
 
 
 def test_half_a_kink_has_its_own_clock():

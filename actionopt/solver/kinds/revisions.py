@@ -34,6 +34,7 @@ from actionopt.solver.search.strategies import (
     STRATEGIES,
 )
 from actionopt.tools.checks import FINEST, tolerance
+from actionopt.tools.types import EPS
 from actionopt.tools.watch import OutOfTime, Watch
 
 # Ad hoc.
@@ -341,23 +342,67 @@ def explain_dwelling(
     from actionopt.solver.ends import window
 
     whole = window.infinite_problem(problem)
-    if whole is None or (solution.success and not solution.inertia.nullity):
+    if whole is None:
         return found
-    if guess is None:
+    softest = _least_bend(solution) if solution.success else 0.0
+    if softest == np.inf:
+        return found
+    if guess is None and not solution.success:
         with suppress(OutOfTime, ValueError):
             known = next((s for s, _ in infinite(whole, None, choices) if s.success), None)
             if known is not None:
                 near = between(problem, window.restrict_guess(known, problem), choices)
                 # What a symmetry holds in its place shows no round-off.
-                if near[0].success and not near[0].inertia.nullity:
+                softest = _least_bend(near[0]) if near[0].success else 0.0
+                if softest == np.inf:
                     return near
                 if near[0].success or near[0].status is Status.DEGENERATE:
                     solution = near[0]
     stats = solution.stats
     if solution.success:
-        stats = stats | {"condition": max(stats["condition"], softest_condition(solution.inertia))}
+        condition = 1 / max(softest, EPS)
+        stats = stats | {"condition": max(stats["condition"], condition)}
     solution = replace(solution, status=Status.DWELLING, stats=stats)
     return solution, f"{problem.name}: {Status.DWELLING.value} (tol = {choices.tol:g})"
+
+
+def _least_bend(solution: Solution) -> float:
+    """Return the least |mu| of the second variation if it has no sign, else infinity."""
+    from actionopt.analysis.quadratic.index import INDEX_TOLERANCE
+
+    if solution.problem.system.n == 1:
+        bound = _bend_of_shift(solution)
+        if bound < INDEX_TOLERANCE:
+            return bound
+    found = solution.inertia
+    return 1 / softest_condition(found) if found.nullity else np.inf
+
+
+def _bend_of_shift(solution: Solution) -> float:
+    """Return a bound on the least eigenvalue mu of a path of one coordinate that never turns.
+
+    Without a clock v solves Jacobi's equation. It does not vanish inside, so that all mu are
+    positive, and no more than Rayleigh's quotient of f v for any f that vanishes at the ends:
+
+        d2S[f v] = int f'^2 v.L_vv v dt,
+
+    least with f' as 1 / (v.L_vv v), from either end to where that is largest. Infinite if it turns.
+    """
+    from actionopt.analysis.quadratic.second_variation import second_derivatives
+
+    tr = solution.discrete.tr
+    place = tr.place(solution.discrete.x)
+    v, weight = place.v[:, 0], tr.weight[:, 0]
+    known = solution.velocity_error * np.abs(v).max()  # at rest no sign is
+    if min(-v.min(), v.max()) > known:
+        return np.inf
+    mass = second_derivatives(solution.problem, place.at, place.v, tr.times)[2][:, 0, 0]
+    moment = mass * np.maximum(np.abs(v), known) ** 2
+    t = tr.times[:, 0]
+    before = t <= t[np.argmax(moment)]
+    share = weight / moment
+    stretched = 1 / share[before].sum() + 1 / share[~before].sum()
+    return float(stretched / np.sum(weight * mass * solution.acceleration(t)[0] ** 2))
 
 
 def _is_at_rest(solution: Solution) -> bool:
