@@ -6,6 +6,7 @@ import pytest
 
 import actionopt as ao
 from actionopt.discrete.between_nodes.crossing import _first_jump, first_crossing
+from actionopt.solver.search.search import Search
 
 JUMPS = {
     "where": lambda q, v, t: np.where(q[0] > 0, 1.4, 1.0) * np.sqrt(1 + v[0] ** 2),
@@ -208,6 +209,21 @@ def test_branches_that_meet_steeply_are_told_from_jumps_by_the_size_of_l(sign):
     mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
     path = ao.Path.interpolate(lambda t: [t - 1.0123], mesh)
     assert first_crossing(system.switches, problem, path) is None
+
+
+def test_a_jump_between_the_ends_is_told_before_costly_ways_are_tried(monkeypatch):
+    """Every path of one coordinate crosses it, however L is written."""
+
+    def lagrangian(q, v, t):
+        step = 1 / (1 + np.exp(1 / (q[0] - 0.21141669)))
+        return v[0] ** 2 / 2 + 0.19660169765 * step - 0.983474720138 * q[0] ** 2 / 2
+
+    start, end = ao.Event(0, [-0.27545721]), ao.Event(1, [0.84820386])
+    problem = ao.Problem(ao.System(lagrangian, ["x"]), start, end)
+    costly = []
+    monkeypatch.setattr(Search, "_limit", lambda search, cost: costly.append(cost))
+    assert ao.solve(problem, tol=1e-3, throw=False).status is ao.Status.JUMP
+    assert not costly
 
 
 def test_a_jump_beyond_an_event_on_the_way_is_told():

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from actionopt.solver.search.strategies import IPOPT, QUICK, STRATEGIES
 from actionopt.tools.checks import COARSEST
 from actionopt.tools.immutable import immutable
 from actionopt.tools.watch import OutOfTime, Watch
+
+if TYPE_CHECKING:
+    from actionopt.discrete.between_nodes.crossing import Jump
 
 Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict with its figures
 # strategies tried where the first path crosses a jump: seconds are lost there; ad hoc
@@ -147,13 +150,27 @@ def _find_smooth(
     """Find a path that crosses no jump of L."""
     ws, problem = search.ws, search.ws.problem
     steps, jump = problem.system.switches, None
+    joins = problem.advance is None and bool(problem.start.pinned and problem.end.pinned)
     if steps is None and problem.system.structure.jumpless:
         return _search(search, guess, curve_of)
     from actionopt.discrete.between_nodes.crossing import find_imbalance, first_crossing
 
+    def find_jump(*paths: DiscretePath | None) -> Jump | None:
+        """Return the first jump of L that the energies of some paths show, or None."""
+        found = (find_imbalance(at, search.ws.tol)[0] for at in paths if at is not None)
+        return next((off for off in found if off is not None and off.is_jump is True), None)
+
+    def is_shut() -> bool:
+        """Whether the straight line crosses a jump: then so does every path of one coordinate."""
+        nonlocal jump
+        jump = find_jump(_first(problem, None))
+        return jump is not None
+
     if steps is not None:
         first = _first(problem, curve_of)
         jump = first_crossing(steps, problem, first.path)
+    elif joins and problem.system.n == 1 and not problem.system.structure.depends_on_time:
+        search.is_shut = is_shut
     if jump is not None and jump.inevitable:
         ws.transcribe(first.mesh, first.path)
         search.found_by = "none"
@@ -167,9 +184,7 @@ def _find_smooth(
             before = None if status.success else jump
             jump = first_crossing(steps, problem, search.ws.here.path) or before
         if jump is None and lost and not problem.system.structure.jumpless:
-            tried = filter(None, (search.ws.iterate, _first(problem, curve_of)))
-            found = (find_imbalance(at, search.ws.tol)[0] for at in tried)
-            jump = next((off for off in found if off is not None and off.is_jump), None)
+            jump = find_jump(search.ws.iterate, _first(problem, curve_of))
         if jump is None:
             return status
     ws = search.ws

@@ -134,6 +134,8 @@ class Search:
     lines: dict[tuple[int, int], Iterate] = field(default_factory=dict)
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
     budget: float = math.inf  # elements evaluated after which nothing expensive is tried
+    # Whether every path crosses a jump of L; asked once, before what is expensive.
+    is_shut: Callable[[], bool] | None = None
     tried: list[str] = field(default_factory=list)
 
     # -- without a guess -----------------------------------------------------------------------
@@ -214,6 +216,9 @@ class Search:
                     continue
                 left.remove(strategy)
                 if strategy.cost >= EXPENSIVE:
+                    is_shut, self.is_shut = self.is_shut, None
+                    if is_shut is not None and is_shut():
+                        return Status.JUMP
                     self._limit(strategy.cost)
                 self.begin(strategy.name, strategy.minimises)
                 status = strategy.attempt(self)
