@@ -33,6 +33,17 @@ def test_the_height_of_a_pass(n):
     assert np.all((np.sum(curve**2, axis=1) - 1) ** 2 + np.sum(curve[:, 1:] ** 2, axis=1) < 0.85)
 
 
+def test_the_height_of_a_narrow_pass():
+    """V = (1 + y^2) exp(-x^2 / 2 w^2) is 1 at its pass, to either side of which points slide."""
+
+    def ridge(q, v, t):
+        return v @ v / 2 - (1 + q[1] ** 2) * np.exp(-(q[0] ** 2) / (2 * 0.25**2))
+
+    start, end = ao.Event(0.0, [-2.03, 0.4]), ao.Event(None, [2.0, 0.3])
+    problem = ao.Problem(ao.System(ridge, ["x", "y"]), start, end, energy=0.9)
+    assert 0 < lowest_pass(problem, straight(problem), 0.9)[1] < 0.1
+
+
 @pytest.mark.long
 def test_an_energy_below_all_passes_is_told():
     with pytest.raises(

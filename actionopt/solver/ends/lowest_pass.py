@@ -35,6 +35,7 @@ def explain_pass(problem: Problem, line: Array, energy: float) -> str:
     curve, height = lowest_pass(problem, line, energy)
     if not height > NO_PASS * above:
         return ""
+    curve = np.concatenate([curve, (curve[1:] + curve[:-1]) / 2])
     what = "is on the lowest of the curves between the events that were tried"
     return barrier(problem, problem.system, curve, energy, what)
 
@@ -74,8 +75,9 @@ def lowest_pass(problem: Problem, line: Array, energy: float) -> tuple[Array, fl
     for _ in range(MOVES):
         with np.errstate(all="ignore"):
             force, _, L = first((q * size).reshape(-1, n), at, at[:, :1], packed)
-            high = np.nan_to_num(-L.reshape(shape[:2]), nan=np.inf).max(axis=1)
+            V = np.nan_to_num(-L.reshape(shape[:2]), nan=np.inf)
             force = np.nan_to_num((force * size).reshape(shape), posinf=0.0, neginf=0.0)
+            high = np.maximum(V.max(axis=1), _highest_between(q, V, force))
         low = int(np.argmin(high))
         if high[low] < best:
             best, curve = float(high[low]), q[low] * size
@@ -92,6 +94,13 @@ def lowest_pass(problem: Problem, line: Array, energy: float) -> tuple[Array, fl
         step *= SHORTER
         q = _spread(q, s)
     return curve, lows[-1]
+
+
+def _highest_between(q: Array, V: Array, force: Array) -> Array:
+    """Return the largest potential (C,) half way between points (C, K, n), by cubics."""
+    way = np.diff(q, axis=1)
+    slopes = ((force[:, 1:] - force[:, :-1]) * way).sum(axis=2)
+    return ((V[:, 1:] + V[:, :-1]) / 2 + slopes / 8).max(axis=1)
 
 
 def _units(problem: Problem, line: Array) -> Array:
