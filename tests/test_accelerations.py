@@ -10,7 +10,7 @@ import systems
 from helpers import slow
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline, make_interp_spline
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
 
 import actionopt as ao
 from actionopt.analysis.tables import _by_name
@@ -276,6 +276,24 @@ def test_least_jerk_through_gates_whose_times_are_found():
     s = np.linspace(0, 3, 50)
     np.testing.assert_allclose(path(s).T, spline(times)(s), atol=1e-10)
     assert np.ptp(path.energy(s)) < 1e-10 * path.action  # on the later legs, too
+
+
+@pytest.mark.long
+def test_least_snap_through_gates_that_are_near_one_another():
+    """Times and path at once have a small neighbourhood there; where energies balance is known."""
+    system = ao.System(lambda q, v, a, j, s, t: s @ s / 2, ["x"])
+    ends = [ao.Event(t, [x], v=[0], a=[0], j=[0]) for t, x in ((0.452, 0.526), (3.014, 3.675))]
+    path = ao.solve(ao.Problem(system, *ends, through=[ao.Event(None, [x]) for x in (1.791, 2.4)]))
+    places, rest = [0.526, 1.791, 2.4, 3.675], [(k, 0.0) for k in (1, 2, 3)]
+
+    def steps(inner):
+        times = np.array([0.452, *inner, 3.014])
+        curve = make_interp_spline(times, places, k=7, bc_type=(rest, rest))
+        top = curve.derivative(7)((times[1:] + times[:-1]) / 2)
+        return np.diff(top) * curve(inner, 1)
+
+    found = [event.t for event in path.problem.through]
+    assert np.abs(root(steps, found, options={"xtol": 1e-13}).x - found).max() < 1e-8
 
 
 def test_the_matrix_with_gates_is_the_derivative_of_the_equations():
