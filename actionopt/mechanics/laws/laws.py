@@ -98,6 +98,7 @@ class Structure:
     constraints: int
     forced: bool
     cyclic: tuple[str, ...]  # coordinates that neither L, f nor Q contain
+    narrow: int  # how narrow a feature L can have: 0, 1 or 2 (`switches.narrowness`)
     smooth: bool  # neither L nor Q have a kink or a jump in q or v
     jumpless: bool  # it is plain that L cannot step
     hides: bool  # L may have steps along a path that no sample shows
@@ -185,8 +186,8 @@ class Laws:
         # Kinks matter only in second derivatives that would be taken for constant.
         smooth = not narrow or all(moved[:3]) or is_smooth_in_path(L)
         timed, cyclic = self._absent_arguments()
-        narrow = max(narrow, narrowness(Q))
-        unseen, tailed = narrow == 2 or (narrow and timed), narrow or timed
+        either = max(narrow, narrowness(Q))
+        unseen, tailed = either == 2 or (either and timed), either or timed
         return Structure(
             depends_on_time=timed,
             adds_time=timed and adds_time(L),
@@ -198,7 +199,8 @@ class Laws:
             constraints=self.m,
             forced=forced,
             cyclic=cyclic,
-            smooth=narrow < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
+            narrow=narrow,
+            smooth=either < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
             jumpless=jumpless,
             hides=not jumpless and self.order == 1 and _may_hide(L),
             pushes=forced and self.order == 1 and _may_hide(Q),

@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.laws.laws import keep
-from actionopt.mechanics.laws.switches import narrowness
 from actionopt.mechanics.question.scales import diagonal, first_state
 from actionopt.tools.types import Array
 
@@ -35,15 +33,10 @@ def singular_ends(problem: Any) -> tuple[int, int]:
     infinite in all directions, and the path at rest (`lobatto.OPEN`, `RESTING`).
     """
     system = problem.system
-    if system.order > 1 or not _may_diverge(system):
+    if system.order > 1 or not system.structure.narrow:
         return 0, 0
     start, end = (_kind(problem, event) for event in (problem.start, problem.end))
     return start, end
-
-
-@keep
-def _may_diverge(system: Any) -> bool:
-    return narrowness(system.lagrangian_tape) > 0
 
 
 def _kind(problem: Any, event: Any) -> int:
