@@ -29,7 +29,7 @@ from actionopt.analysis.quadratic.second_variation import (
     typical_frequency,
 )
 from actionopt.discrete.matrices.blocks import Condensed, in_parts
-from actionopt.discrete.matrices.factors import SparseFactors, diagonal, solve_inside
+from actionopt.discrete.matrices.factors import Factors, SparseFactors, diagonal, solve_inside
 from actionopt.discrete.meshes.mesh import Group
 from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.mechanics.laws.compiled import Pointwise
@@ -293,15 +293,15 @@ class Coupling:
         return found
 
 
-def on_mesh(at: DiscretePath, error: float) -> AssembledForm | None:
+def on_mesh(at: DiscretePath, error: float, factors: Factors | None = None) -> AssembledForm | None:
     """Return d2S of a path known to `error` as its own mesh has it, or None as `assemble` does.
 
-    Raises ValueError where the constraints are not independent.
+    The matrix of `factors`, if they are given.     Raises ValueError where the constraints are not independent.
     """
     if not (is_plain(at) and is_convex(at)):
         return None
     check_independent(at, at.tr.lengths, error)
-    return AssembledForm(at, at.tr.kkt(at.z))
+    return AssembledForm(at, at.tr.kkt(at.z) if factors is None else factors.nonzeros)
 
 
 def assemble(

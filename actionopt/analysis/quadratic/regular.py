@@ -42,23 +42,24 @@ def regular_index(first: DiscretePath, error: float, tolerance: float) -> int | 
         return None
 
 
-def index_on_mesh(at: DiscretePath, error: float) -> int | None:
+def index_on_mesh(at: DiscretePath, error: float, factors: Factors | None = None) -> int | None:
     """Return the index of a path as its own mesh has it, however that resolves Jacobi fields.
 
-    None where the variations are not simply those between two events, or the mass may not be
+    By the `factors` of its KKT matrix, if they are known. None where the variations are not simply those between two events, or the mass may not be
     positive. Raises ValueError where the constraints are not independent.
     """
-    form = on_mesh(at, error)
-    return None if form is None else index_of(form)
+    form = on_mesh(at, error, factors)
+    return None if form is None else index_of(form, factors)
 
 
-def index_of(form: AssembledForm) -> int | None:
+def index_of(form: AssembledForm, factors: Factors | None = None) -> int | None:
     """Return the index of an assembled form by its pivots, None where these are singular."""
     layout = form.at.tr.layout
     try:
-        if layout.uses_condensation:
+        if factors is None and layout.uses_condensation:
             return form.factors.negative() - layout.rows
-        return Factors(layout, form.matrix, many=True).negative_pivots() - layout.rows
+        factors = factors or Factors(layout, form.matrix, many=True)
+        return factors.negative_pivots() - layout.rows
     except np.linalg.LinAlgError:
         return None
 

@@ -60,12 +60,16 @@ Discrete = Transcription | Bordered | ContactEquations
 
 @immutable
 class BranchPoint:
-    """A point of a branch: its transcription, unknowns z, s, and the direction (dz, ds)."""
+    """A point of a branch: its transcription, unknowns z, s, and the direction (dz, ds).
+
+    And the factors of its KKT matrix, or of one not farther than `SAME_MATRIX`, if they are known.
+    """
 
     tr: Discrete
     z: Array
     s: float
     direction: Array
+    factors: Factors | None = None
 
     @cached_property
     def at(self) -> DiscretePath:
@@ -265,7 +269,8 @@ class Branch:
         """Return the point with the branch's direction; None where a part in contact is gone."""
         if self.arcs and not np.isfinite(point.tr.residual(point.z)).all():
             return None
-        return replace(point, direction=self._direction(point, found.factors))
+        direction = self._direction(point, found.factors)
+        return replace(point, direction=direction, factors=found.factors.within)
 
     def norm(self, tr: Discrete, change: Array) -> float:
         """Return the length of a change (dz, ds); multipliers do not count."""

@@ -94,6 +94,7 @@ class Factors:
         self._accurate = False  # whether a solution was accurate before it was refined
         self._definite: Callable[[Array], Array] | None = None  # what solves, if that was asked
         self._near: Callable[[Array], Array] | None = None  # what solves with a matrix near this
+        self.within: Factors | None = None  # those of the matrix beside which there is a border
         if layout.small and not many:  # nothing is quicker
             self._direct = None
         # The events of a closed path do not tell how large each coordinate is: its matrix is
@@ -118,6 +119,7 @@ class Factors:
         layout = self.layout
         assert isinstance(layout, (Layout, BorderedLayout))
         whole = Factors(*border_matrix(layout, self.nonzeros, B, C, D), many=self._many)
+        whole.within = self
         if not (layout.small or layout.border or self._even) and self._direct is not None:
             whole._near = _Eliminated(self, B[:, 0], C[0], float(D[0, 0])).solve
         return whole
@@ -306,7 +308,8 @@ class Factors:
         """Return the number of negative pivots, however they are rounded."""
         if self.layout.small:
             return self.negative()
-        if self._pays or (self.layout.storage == "sparse" and self.layout.needs_no_pivoting):
+        sparse = self.layout.storage == "sparse" and self.layout.needs_no_pivoting
+        if self._pays or (sparse and "_kept_solver" not in vars(self)):
             return negative_pivots(self.layout, self._regular)
         return self._pivots.negative()
 

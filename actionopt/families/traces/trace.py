@@ -434,7 +434,7 @@ class _TraceRun:
                 return inertia_through(point.at, 0.0).index
             if isinstance(point.tr, Bordered):
                 return inertia_beside(resolve(point.at, self.tol, TRACE_RESOLUTION)).index
-            told, known = index_on_mesh(point.at, self.tol), self.counted
+            told, known = index_on_mesh(point.at, self.tol, point.factors), self.counted
             if known and known[1] == told and known[0] < COUNTED_ON_MESH and not last:
                 self.counted = known[0] + 1, known[1]
                 return known[1]
