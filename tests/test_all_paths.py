@@ -352,6 +352,25 @@ def test_every_passage_of_an_oscillator_through_a_point():
     assert times[:9] == pytest.approx([1, 5, 7, 11, 13, 17, 19, 23, 25])
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("unit", [1.0, pytest.param(1e3, marks=pytest.mark.slow)])
+def test_a_pendulum_of_an_energy_swings_in_x_and_y_as_in_its_angle(unit):
+    """Straight there, first to one side or the other, and to both."""
+    low, high = 0.3, -0.2
+    place = [[unit * np.sin(a), -np.cos(a)] for a in (low, high)]
+    bob = ao.System(
+        lambda q, v, t: ((v[0] / unit) ** 2 + v[1] ** 2) / 2 - 9.81 * q[1],
+        ["x", "y"],
+        constraint=lambda q, t: (q[0] / unit) ** 2 + q[1] ** 2 - 1,
+    )
+    found = [
+        solve_all(ao.Problem(system, ao.Event(0.0, a), ao.Event(None, b), energy=-5.0))
+        for system, (a, b) in ((bob, place), (PENDULUM, ([low], [high])))
+    ]
+    actions = [[s.action for s in paths] for paths in found]
+    assert len(actions[1]) == 4 and actions[0] == pytest.approx(actions[1], rel=1e-6)
+
+
 def test_turns_come_in_order_of_their_sum_however_many_there_are():
     every = sorted(product(range(-2, 3), repeat=3), key=lambda k: sum(map(abs, k)))
     assert list(searches.whole_turns(3, 2)) == every

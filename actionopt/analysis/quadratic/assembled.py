@@ -296,7 +296,8 @@ class Coupling:
 def on_mesh(at: DiscretePath, error: float, factors: Factors | None = None) -> AssembledForm | None:
     """Return d2S of a path known to `error` as its own mesh has it, or None as `assemble` does.
 
-    The matrix of `factors`, if they are given.     Raises ValueError where the constraints are not independent.
+    The matrix of `factors`, if they are given. Raises ValueError where the constraints are not
+    independent.
     """
     if not (is_plain(at) and is_convex(at)):
         return None

@@ -45,8 +45,9 @@ def regular_index(first: DiscretePath, error: float, tolerance: float) -> int | 
 def index_on_mesh(at: DiscretePath, error: float, factors: Factors | None = None) -> int | None:
     """Return the index of a path as its own mesh has it, however that resolves Jacobi fields.
 
-    By the `factors` of its KKT matrix, if they are known. None where the variations are not simply those between two events, or the mass may not be
-    positive. Raises ValueError where the constraints are not independent.
+    By the `factors` of its KKT matrix, if they are known. None where the variations are not simply
+    those between two events, or the mass may not be positive. Raises ValueError where the
+    constraints are not independent.
     """
     form = on_mesh(at, error, factors)
     return None if form is None else index_of(form, factors)

@@ -196,6 +196,7 @@ def solve_all(
     windings : int
         Most additional turns of each angle, either way; of a closed path, in its advance. Of more
         than 1000 combinations, as one turn of 7 angles has, the 1000 of fewest turns are tried.
+        At a given energy, how often paths of one degree of freedom may pass their end before.
         Under constraints, where ever faster motions may arrive, it says how fast those are that
         several degrees of freedom are tried with: as such turns of the coordinates' sizes are.
     starts : int

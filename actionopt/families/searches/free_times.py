@@ -13,6 +13,7 @@ from itertools import chain
 
 import numpy as np
 
+from actionopt.analysis.quadratic.second_variation import tangent
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.borders.borders import over
 from actionopt.discrete.meshes.path import Path
@@ -49,32 +50,33 @@ def _passages(
     rng: np.random.Generator,
 ) -> list[Path]:
     """Return motions of the energy from the start to where they pass the end, the nearest first."""
-    n, start, end = problem.system.n, problem.start, problem.end
-    if len(start.pinned) < n or problem.system.m or (start.t is None and end.t is not None):
+    system, start, end = problem.system, problem.start, problem.end
+    if len(start.pinned) < system.n or (start.t is None and end.t is not None):
         return []
-    if problem.system.structure.depends_on_time:  # the energy is given where the time is free
+    if system.structure.depends_on_time:  # the energy is given where the time is free
         return []
     t0, q0 = start.t or 0.0, np.array(start.q, dtype=float)
-    angle = 2 * np.pi * (np.arange(THROWN) + rng.random()) / THROWN
-    fan = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    if n == 1:
-        u = np.array([[1.0], [-1.0]])
-    elif n == 2:
-        u = fan
-    else:  # in all directions, and in the plane of the end and of the force: of central ones, all
-        chord = straight(problem)[-1] - q0
-        force = np.zeros(n)
-        with suppress(np.linalg.LinAlgError):
-            force = problem.system.acceleration(q0, 0 * q0, t0, parameters=problem.parameters)
-        size = over(problem, 1.0).scales[:, None]
-        plane, _ = np.linalg.qr(np.nan_to_num(np.stack([chord, force], axis=1)) / size)
-        u = np.concatenate([rng.standard_normal((max(shots, 1), n)), fan @ plane.T])
     line = times_along(problem, straight(problem), t0)
     T = [path.mesh.duration for path, _ in known] + [return_time(problem, q0, t0)]
     T += [] if line is None else [float(line[0][-1])]
     fixed = over(problem, LONGEST_SEARCH * max(T))
     size = fixed.scales
-    u = u * size  # alike in the coordinates' own sizes
+    basis = tangent(problem, q0[None], np.array([[t0]]), size)[0]
+    angle = 2 * np.pi * (np.arange(THROWN) + rng.random()) / THROWN
+    fan, freedom = np.stack([np.cos(angle), np.sin(angle)], axis=1), basis.shape[1]
+    if freedom == 1:
+        u = np.array([[1.0], [-1.0]])
+    elif freedom == 2:
+        u = fan
+    else:  # in all directions, and in the plane of the end and of the force: of central ones, all
+        chord = straight(problem)[-1] - q0
+        force = np.zeros(system.n)
+        with suppress(np.linalg.LinAlgError):
+            force = system.acceleration(q0, 0 * q0, t0, parameters=problem.parameters)
+        ways = np.nan_to_num(np.stack([chord, force], axis=1)) / size[:, None]
+        plane, _ = np.linalg.qr(basis.T @ ways)
+        u = np.concatenate([rng.standard_normal((max(shots, 1), freedom)), fan @ plane.T])
+    u = u @ basis.T * size  # alike in the coordinates' own sizes
     speed, left = rates(problem, np.repeat(q0[None], len(u), axis=0), u, np.full((len(u), 1), t0))
     if not np.all(left > 0):
         raise ValueError(
@@ -83,7 +85,8 @@ def _passages(
         )
     unit = np.maximum(size, np.abs(straight(problem)[-1] - q0))
     q, v = np.repeat(q0[:, None], len(u), axis=1), (speed[:, None] * u).T
-    units, most = MissUnits.of(problem, unit, q, v, t0), 2 + windings if n == 1 else PASSES_EACH
+    most = 2 + windings if freedom == 1 else PASSES_EACH
+    units = MissUnits.of(problem, unit, q, v, t0)
     spans = fixed.duration / 4, fixed.duration
     paths = [item for found in passages(problem, q, v, spans, units, most=most) for item in found]
     return [path for _, path in sorted(paths, key=lambda item: item[0])[:MOST_PASSAGES]]
@@ -92,7 +95,7 @@ def _passages(
 def is_first(solution: Solution, windings: int) -> bool:
     """Whether a path does not pass its end before: it is another one with a period or turn more.
 
-    In one dimension it turns back, and `windings` says how often it may.
+    Of one degree of freedom it turns back, and `windings` says how often it may.
     """
     pinned = list(solution.problem.end.pinned)
     t0, T = solution.start.t, solution.duration
@@ -104,20 +107,21 @@ def is_first(solution: Solution, windings: int) -> bool:
         return int(np.sum(away[1:] * away[:-1] < 0)) <= windings
     away = np.linalg.norm((q - end) / size, axis=0)
     low = (away[1:-1] <= away[:-2]) & (away[1:-1] < away[2:])
-    return not _passes(solution, t[1:-1][low & (away[1:-1] < NEARBY_TARGET)], size)
+    most = windings if solution.problem.system.degrees_of_freedom == 1 else 0
+    return _passes(solution, t[1:-1][low & (away[1:-1] < NEARBY_TARGET)], size) <= most
 
 
-def _passes(solution: Solution, times: Array, size: Array) -> bool:
-    """Whether the path is at its end at a time near one of those."""
+def _passes(solution: Solution, times: Array, size: Array) -> int:
+    """Return how often the path is at its end near those times, before it ends."""
     pinned = list(solution.problem.end.pinned)
-    end = solution.end.q[pinned]
+    end, passed = solution.end.q[pinned], []
     for t in times:
         for _ in range(8):  # Newton's method for the time of least distance
             away, v = solution(t)[pinned] - end, solution.velocity(t)[pinned]
             step = float((away / size[:, 0]) @ (v / size[:, 0]) / np.sum((v / size[:, 0]) ** 2))
             t = float(np.clip(t - step, solution.start.t, solution.end.t))
         if np.linalg.norm((solution(t)[pinned] - end) / size[:, 0]) < np.sqrt(SAME_ORBIT):
-            apart = min(t - solution.start.t, solution.end.t - t)
-            if apart > SAME_ORBIT * solution.duration:
-                return True
-    return False
+            known = [solution.start.t, solution.end.t, *passed]
+            if min(abs(t - other) for other in known) > SAME_ORBIT * solution.duration:
+                passed.append(t)
+    return len(passed)
