@@ -277,7 +277,8 @@ class Laws:
 
         if PULSES.isdisjoint(self.structure.operations):
             return None
-        return pulses(self.symbols, self.L, self.f, self.Q)
+        others = self.operations(self.f), self.operations(self.Q)
+        return pulses(self.symbols, self.lagrangian_tape, *others)
 
     @Once
     def step_arguments(self) -> StepArguments | None:
@@ -295,7 +296,7 @@ class Laws:
             return None
         from actionopt.mechanics.laws.pulses import steps_along
 
-        return steps_along(self.symbols, self.L)
+        return steps_along(self.symbols, self.lagrangian_tape)
 
     @Once
     def pushes_along(self) -> tuple[StepArguments, Pointwise] | None:
@@ -304,8 +305,9 @@ class Laws:
             return None
         from actionopt.mechanics.laws.pulses import StepArguments, steps_along
 
-        along = steps_along(self.symbols, self.Q)
-        return None if along is None else (StepArguments(self.operations(self.Q)), along)
+        force = self.operations(self.Q)
+        along = steps_along(self.symbols, force)
+        return None if along is None else (StepArguments(force), along)
 
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
         """Whether an output of a compiled function depends on any of these inputs."""

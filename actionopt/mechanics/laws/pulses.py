@@ -52,7 +52,7 @@ FOOT = 8.0  # of the distance s: a Gaussian is 1e-14 there, the force of a hyper
 ABRUPT = 1e-30  # width, squared, of what has none: shorter than any unit of length; ad hoc
 
 
-def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
+def pulses(s: Symbols, *laws: Tape) -> Pointwise | None:
     """Return the derivatives by t of all g(t) of these laws, as a function of (t, p); or None."""
     slopes = [slope for slope in _slopes(s, laws, OF_TIME) if ca.depends_on(slope, s.t)]
     if not slopes:
@@ -60,9 +60,9 @@ def pulses(s: Symbols, *laws: ca.SX) -> Pointwise | None:
     return Pointwise(ca.Function("pulses", [s.t, s.p], [ca.densify(ca.vertcat(*slopes))]))
 
 
-def steps_along(s: Symbols, *laws: ca.SX) -> Pointwise | None:
-    """Return the rates of all g(q, t) of these laws, as a function of (q, v, t, p); or None."""
-    slopes = _slopes(s, laws, OF_PLACE)
+def steps_along(s: Symbols, law: Tape) -> Pointwise | None:
+    """Return the rates of all g(q, t) of a law, as a function of (q, v, t, p); or None."""
+    slopes = _slopes(s, [law], OF_PLACE)
     if not slopes:
         return None
     arguments = [s.q, s.v, s.t, s.p]
@@ -163,7 +163,7 @@ def _is_known(node: Node, operands: list[bool]) -> bool:
     return all(operands) and node.operation in UFUNCS and node.operation != ca.OP_IF_ELSE_ZERO
 
 
-def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
+def _slopes(s: Symbols, laws: Sequence[Tape], wanted: int) -> list[ca.SX]:
     """Return the rates of all g that depend on the time alone, or on q as well, as is `wanted`."""
     arguments = [s.q, s.v, s.t, s.p]
     slopes: list[ca.SX] = []
@@ -186,7 +186,8 @@ def _slopes(s: Symbols, laws: Sequence[ca.SX], wanted: int) -> list[ca.SX]:
             return None
         return node.of([x for x, _ in plain]), max(depends for _, depends in plain)
 
-    Tape(arguments, laws).fold(expression)
+    for law in laws:
+        law.fold(expression)
     return slopes
 
 

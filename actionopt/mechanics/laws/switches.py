@@ -193,23 +193,33 @@ def minimum_parts(row: ca.SX, s: Symbols) -> list[ca.SX]:
     return parts if all(ca.depends_on(part, s.q) for part in parts) else [row]
 
 
+ON_PATH, ON_TIME, TIME_ALONE = (
+    1,
+    2,
+    4,
+)  # on what a value depends, and whether it has a term of time alone
+
+
 def adds_time(lagrangian: Tape) -> bool:
     """Return whether a term of the time alone is added in a law of (q, v, t, p).
 
     It moves no path, and so no equation tells how fast it varies.
     """
 
-    def parts_of(node, operands: list[tuple[bool, bool, bool]]) -> tuple[bool, bool, bool]:
+    def parts_of(node: Node, operands: list[int]) -> int:
         """Return whether it depends on the path, and on the time, and has a term of time alone."""
         if node.kind == "input":
-            return node.entry[0] < 2, node.entry[0] == 2, node.entry[0] == 2
-        path, time, alone = (any(x[k] for x in operands) for k in range(3))
-        factors = [x for x in operands if x[0] or x[1]]
-        scaled = node.operation in (ca.OP_MUL, ca.OP_DIV) and len(factors) == 1
-        kept = alone and (node.operation in SUMS or scaled)
-        return path, time, kept or (time and not path)
+            return (ON_PATH, ON_PATH, ON_TIME | TIME_ALONE, 0)[node.entry[0]]
+        found, factors = 0, 0
+        for x in operands:
+            found, factors = found | x, factors + (x > 0)
+        scaled = node.operation in (ca.OP_MUL, ca.OP_DIV) and factors == 1
+        depends = found & (ON_PATH | ON_TIME)
+        kept = found & TIME_ALONE if node.operation in SUMS or scaled else 0
+        return depends | (TIME_ALONE if depends == ON_TIME else kept)
 
-    return any(lagrangian.fold(parts_of)[i][2] for i, *_ in lagrangian.results)
+    made = lagrangian.fold(parts_of)
+    return any([made[i] & TIME_ALONE for i, *_ in lagrangian.results])
 
 
 def narrowness(law: Tape) -> int:
