@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from helpers import a_quarter
+from scipy.special import jv
 
 import actionopt as ao
 from actionopt.discrete.action.second_quadrature import departure
@@ -210,3 +211,14 @@ def test_terms_of_the_time_alone_are_told_from_others():
         for lagrangian in group:
             system = ao.System(lagrangian, ["x"], parameters={"w": 1.0})
             assert system.structure.adds_time is expected
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("tol", [1e-6, 1e-8])
+def test_what_is_light_beside_a_heavy_part_of_the_path_keeps_its_digits(tol):
+    """(t^7 q')' + t^7 q = 0: J3(t) / t^3, whose inertia is 1e-20 of the largest near t = 0."""
+    law = ao.System(lambda q, v, t: t**7 * (v[0] ** 2 - q[0] ** 2) / 2, ["q"])
+    found = ao.solve(ao.Problem(law, ao.Event(0, [None]), ao.Event(1, [1])), tol=tol)
+    t = np.linspace(0.1, 1, 10)
+    assert np.abs(found(t)[0] - jv(3, t) / t**3 / jv(3, 1)).max() < tol
+    assert found(0.0)[0] == pytest.approx(1 / 48 / jv(3, 1), abs=tol)

@@ -112,9 +112,7 @@ def quadrature_defect(
         for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
             momenta[g.elements] -= mine.sum(axis=1)
         if not structure.constant_mass:  # it is a velocity that it gives, by its own inertia
-            mass = np.abs(np.einsum("eii->ei", inertia(tr, x)))  # of each coordinate
-            with np.errstate(all="ignore"):
-                momenta *= np.nan_to_num(np.fmin(np.median(mass, axis=0) / mass, 1.0), nan=1.0)
+            momenta *= np.fmin(_lightness(tr, x), 1.0)
         # The unit of action is that of an inertia times a length squared over the duration.
         unit = tr.lengths / tr.action_unit
         if tr.origin is not None:  # as `measured` has it
@@ -123,16 +121,27 @@ def quadrature_defect(
     return tr.free_part(whole) - tr.summed_gradient(x), drift
 
 
+def _lightness(tr: Action, x: Array) -> Array:
+    """Return the typical inertia of each coordinate over that on each element, (N, n)."""
+    mass = np.abs(np.einsum("eii->ei", inertia(tr, x)))
+    with np.errstate(all="ignore"):
+        found = np.median(mass, axis=0) / mass
+    return np.where(np.isfinite(found), found, 1.0)
+
+
 def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
     """Return the largest part of `quadrature_defect` or `missed_action` on each element, (N,)."""
-    unit = tr.lengths / tr.action_unit
+    unit = np.broadcast_to(tr.lengths / tr.action_unit, (tr.mesh.elements, tr.lengths.size))
+    structure = tr.problem.system.structure
+    if tr.order == 1 and not (structure.constant_mass and not structure.depends_on_time):
+        unit = unit * _lightness(tr, x)  # what is light goes farther
     here: dict[int, Array] = {}
     for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
         here.update(zip(g.elements.tolist(), mine, strict=True))
     shares = np.zeros(tr.mesh.elements)
     for b, values in _values(tr, x, batches):
         for e, work in zip(b.elements.tolist(), _work(tr, b, *values), strict=True):
-            off = np.abs((work - here[e]) * unit)
+            off = np.abs((work - here[e]) * unit[e])
             if b.singular:  # where a force is infinite that works on no variation
                 off[[end for end in (0, -1) if tr.mesh.singular_ends[end]]] = 0.0
             shares[e] = off.max()

@@ -223,6 +223,34 @@ class Blocks:
         power[n:] = -np.round(np.log2(np.fmax(rows.max(axis=1), np.finfo(float).tiny)))
         return (2**power)[self.places % f]
 
+    def grade(self, nonzeros: Array) -> Array | None:
+        """Return factors (size,) that bring the diagonal to one size, powers of two.
+
+        None where it is so already, or not positive: where the inertia varies along the path,
+        pivoting would lose the digits of the small equations.
+        """
+        if self.across is not None:
+            return None
+        values = nonzeros[self._diagonal]
+        if not 0 < np.minimum.reduce(values) < GRADED * np.maximum.reduce(values):
+            return None
+        size = np.bincount(self._scatter, values, self.nodes * self.width)
+        size.reshape(-1, self.width)[self.offsets] += np.einsum("eii->ei", self.split(nonzeros)[1])
+        size = size[self.places]  # without those that are pinned, and of nodes as wholes
+        if not 0 < np.minimum.reduce(size) < GRADED * np.maximum.reduce(size):
+            return None
+        return 2 ** -np.round(np.log2(size) / 2)
+
+    @cached_property
+    def _diagonal(self) -> NDInt:
+        """Where the elements' diagonals are among the nonzeros, in the order of `_scatter`."""
+        at, first = [], 0
+        for count, nodes, f in self.shapes:
+            k = nodes * f
+            at.append((first + np.arange(count)[:, None] * k * k + np.arange(k) * (k + 1)).ravel())
+            first += count * k * k
+        return np.concatenate(at)
+
     def rescale(self, nonzeros: Array, scale: Array) -> Array:
         """Return the nonzeros of the matrix with rows and columns times factors (size,)."""
         scaled, full = nonzeros.copy(), self.spread(scale)

@@ -97,9 +97,8 @@ class Factors:
         self.within: Factors | None = None  # those of the matrix beside which there is a border
         if layout.small and not many:  # nothing is quicker
             self._direct = None
-        # The events of a closed path do not tell how large each coordinate is: its matrix is
-        # scaled, and this keeps by what its rows and columns are.
-        self._even = _equilibrate(layout, nonzeros, many) if layout.closed else None
+        # Where they are, the matrix is scaled, and this keeps by what its rows and columns are.
+        self._even = _equilibrate(layout, nonzeros, many) if layout.may_be_uneven else None
 
     def near(self, nonzeros: Array) -> Factors:
         """Return factors for a matrix near this one: its solutions are refined from this one's.
@@ -347,12 +346,10 @@ class Factors:
 def _equilibrate(layout: MatrixLayout, nonzeros: Array, many: bool) -> tuple[Factors, Array] | None:
     """Return factors of the matrix with rows and columns scaled to one size, and by what, (size,).
 
-    None where they are of one size, or the matrix is sparse: then nothing mixes coordinates.
+    None where they are of one size.
     """
-    if layout.storage == "sparse":
-        return None
     K = layout.split(nonzeros)[0] if isinstance(layout, BorderedLayout) else nonzeros
-    scale = layout.blocks.scale(K)
+    scale = layout.blocks.scale(K) if layout.closed else layout.blocks.grade(K)
     if scale is None:
         return None
     whole = np.concatenate([scale, np.ones(layout.border)])

@@ -66,6 +66,17 @@ class MatrixLayout:
         """Whether the blocks are condensed to solve with."""
         return self.storage == "blocks" and not self.small
 
+    @cached_property
+    def may_be_uneven(self) -> bool:
+        """Whether the equations may be of very different sizes, and pivoting mixes them.
+
+        The events of a closed path do not tell how large each coordinate is, and an inertia may
+        vary along a path.
+        """
+        structure = self.system.structure
+        varies = structure.depends_on_time or not structure.constant_mass
+        return self.storage == "blocks" and (bool(self.closed) or (varies and not self.rows))
+
     @property
     def needs_no_pivoting(self) -> bool:
         """Whether factors without pivoting serve: those of a symmetric matrix."""
