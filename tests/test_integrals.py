@@ -1,7 +1,5 @@
 """Paths along which the values of integrals are given: ropes, areas, eigenvalues."""
 
-# scipy's roots and **given have no types that say what they are here.
-# pyright: reportOperatorIssue=false, reportArgumentType=false, reportAssignmentType=false
 from __future__ import annotations
 
 import math

@@ -222,3 +222,16 @@ def test_what_is_light_beside_a_heavy_part_of_the_path_keeps_its_digits(tol):
     t = np.linspace(0.1, 1, 10)
     assert np.abs(found(t)[0] - jv(3, t) / t**3 / jv(3, 1)).max() < tol
     assert found(0.0)[0] == pytest.approx(1 / 48 / jv(3, 1), abs=tol)
+
+
+@pytest.mark.long
+def test_elements_are_cut_along_which_the_inertia_varies():
+    """q'' + 200 q' + q = 0, whose inertia varies by e^200."""
+    found = ao.solve(line(lambda q, v, t: np.exp(200 * t) * (v @ v - q @ q) / 2, 0.0, 1.0))
+    rate = np.sqrt(200**2 - 4)
+    slow, fast = -2 / (200 + rate), -(200 + rate) / 2
+
+    def exact(t):
+        return (np.exp(slow * t) - np.exp(fast * t)) / (np.exp(slow) - np.exp(fast))
+
+    assert relative(found, exact) < 1e-8
