@@ -234,46 +234,25 @@ class StackShape:
 
 
 class Samples(NamedTuple):
-    """What is known of paths at the points of another quadrature, on elements of one kind.
+    """What is known of paths at the points of another quadrature, on elements of one kind."""
 
-    Attributes
-    ----------
-    which : (E,) array of int, or a slice
-    rule : Sampling
-    half : (E, C) array
-        Half the elements' durations.
-    q, v : (points, n, E, C) arrays
-    at : tuple of arrays
-        Times and parameters, as functions take them.
-    values : list of (points, rows, E, C) arrays
-        L_q and L_v; also L and dL/dt where L may jump.
-    """
-
-    which: NDInt | slice
+    which: NDInt | slice  # (E,)
     rule: Sampling
-    half: Array
+    half: Array  # (E, C): half the elements' durations
+    # q, v (points, n, E, C)
     q: Array
     v: Array
-    at: tuple[Array, Array]
-    values: list[Array]
+    at: tuple[Array, Array]  # times and parameters, as functions take them
+    values: list[Array]  # (points, rows, E, C): L_q and L_v; also L and dL/dt where L may jump
 
 
 @dataclass(eq=False)
 class Stack:
-    """The discrete actions of C members.
-
-    Attributes
-    ----------
-    shape : Shape
-    times : (C, 2) array
-        Of the events.
-    packed : (C, p) array
-        Parameters.
-    """
+    """The discrete actions of C members."""
 
     shape: StackShape
-    times: Array
-    packed: Array
+    times: Array  # (C, 2): of the events
+    packed: Array  # (C, p): parameters
 
     def __post_init__(self) -> None:
         s = self.shape

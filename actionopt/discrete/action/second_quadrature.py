@@ -31,35 +31,18 @@ PEAK_SHARE = 0.05  # of the worst panel of an element: one that misses more is o
 
 @immutable
 class Batch:
-    """Elements of one degree that are sampled alike.
+    """Elements of one degree that are sampled alike."""
 
-    Attributes
-    ----------
-    elements : (E,) array of int
-    nodes : (E, d + 1) array of int
-    at : (E (d + 1) n,) array of int
-        Positions of the nodes' coordinates in the full gradient (K n).
-    half : (E, 1, 1) array
-        Half the elements' lengths.
-    rule, own : Sampling
-        Where they are sampled, and where their nodes are.
-    panels : int
-        Parts of each element, or 0 for a few points between the nodes.
-    times : (E points, 1) array
-        The first one alone, (1, 1), where nothing depends on it.
-    singular : bool
-        Whether L is infinite at an end of them.
-    """
-
-    elements: NDInt
-    nodes: NDInt
-    at: NDInt
-    half: Array
+    elements: NDInt  # (E,)
+    nodes: NDInt  # (E, d + 1)
+    at: NDInt  # (E (d + 1) n,): positions of the nodes' coordinates in the full gradient (K n)
+    half: Array  # (E, 1, 1): half the elements' lengths
+    # rule, own: where they are sampled, and where their nodes are.
     rule: Sampling
     own: Sampling
-    panels: int
-    times: Array
-    singular: bool
+    panels: int  # parts of each element, or 0 for a few points between the nodes
+    times: Array  # (E points, 1): the first one alone, (1, 1), where nothing depends on it
+    singular: bool  # whether L is infinite at an end of them
 
 
 def batches(tr: Action) -> list[Batch]:

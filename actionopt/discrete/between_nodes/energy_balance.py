@@ -76,26 +76,15 @@ UNDECIDED = 16 * EPS  # of the times: on which side of a step a path is, in such
 
 @immutable
 class Imbalance:
-    """Where the balance does not hold.
+    """Where the balance does not hold."""
 
-    Attributes
-    ----------
-    low, high : (K,) arrays
-        Times since the start between which it does not, in order.
-    off : (K,) array
-        By how much L changes there without a reason; zero if that is not known.
-    allowed : (K,) array
-        How far L may change there without a reason.
-    sudden : bool
-        Whether it does so in a small part of what is between two samples.
-    """
-
+    # low, high (K,): times since the start between which it does not, in order.
     low: Array
     high: Array
-    off: Array
-    allowed: Array
+    off: Array  # (K,): by how much L changes there without a reason; zero if that is not known
+    allowed: Array  # (K,): how far L may change there without a reason
     is_jump: ClassVar[Literal[False]] = False
-    sudden: bool = False
+    sudden: bool = False  # whether it does so in a small part of what is between two samples
 
     def __str__(self) -> str:
         """Return a phrase that says where it is off most, and by how much."""
@@ -106,38 +95,23 @@ class Imbalance:
 
 @immutable
 class Balance:
-    """The terms of the balance of energy along a path.
-
-    Attributes
-    ----------
-    at : DiscretePath
-    off : list of arrays
-        How far L changes without a reason, from one end of each element over its samples to the
-        other, (E, points + 1), batch by batch; and between elements, (N - 1,).
-    unit, read : float
-        What that may be for a path of the error 1, and what else is rounded.
-    energy : array
-        v . L_v - L at the samples, (points,).
-    explicit : array
-        dL/dt there, (points,), or a zero.
-    velocity : array
-        v there, (points, n).
-    speeds, momenta, outer : arrays
-        v and L_v (n, N, 2), and L (N, 2), at both ends of each element.
-    size, speed, momentum : (n,) arrays
-        The largest |q|, |v| and |L_v|.
-    """
+    """The terms of the balance of energy along a path."""
 
     at: DiscretePath
+    # How far L changes without a reason, from one end of each element over its samples to the
+    # other, (E, points + 1), batch by batch; and between elements, (N - 1,).
     off: list[Array]
+    # unit, read: what that may be for a path of the error 1, and what else is rounded.
     unit: float
     read: float
-    energy: Array
-    explicit: Array
-    velocity: Array
+    energy: Array  # v . L_v - L at the samples, (points,)
+    explicit: Array  # dL/dt there, (points,), or a zero
+    velocity: Array  # v there, (points, n)
+    # speeds, momenta, outer: v and L_v (n, N, 2), and L (N, 2), at both ends of each element.
     speeds: Array
     momenta: Array
     outer: Array
+    # size, speed, momentum (n,): the largest |q|, |v| and |L_v|.
     size: Array
     speed: Array
     momentum: Array

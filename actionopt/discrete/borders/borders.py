@@ -41,36 +41,21 @@ SWIFT, SLOW = 0.1, 1e-3  # ad hoc
 
 @dataclass(eq=False)
 class Gradient:
-    """The derivatives of W, the sum of the action and of all borders' terms, in units of action.
+    """The derivatives of W, the sum of the action and of all borders' terms, in units of action."""
 
-    Attributes
-    ----------
-    path : (size,) array
-        By the unknowns of the path: the residual of its equations.
-    times : (k + 2,) array
-        By the times of the events, at fixed coordinates at the nodes.
-    """
-
-    path: Array
-    times: Array
+    path: Array  # (size,): by the unknowns of the path: the residual of its equations
+    times: Array  # (k + 2,): by the times of the events, at fixed coordinates at the nodes
 
 
 @dataclass(eq=False)
 class Bend:
-    """The second derivatives of W by the path and by the times, which borders add their own to.
+    """The second derivatives of W by the path and by the times, which borders add their own to."""
 
-    Attributes
-    ----------
-    K : array
-        The nonzeros of the path's own matrix.
-    path : (size, k + 2) array or None
-        Of the residual of the path's equations by the times of the events, if they are unknown.
-    times : (k + 2, k + 2) array
-        By the times twice.
-    """
-
-    K: Array
+    K: Array  # the nonzeros of the path's own matrix
+    # (size, k + 2): of the residual of the path's equations by the times of the events, if they are
+    # unknown.
     path: Array | None = None
+    # (k + 2, k + 2): by the times twice.
     times: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -170,19 +155,11 @@ class Times:
         h_j = T exp(beta_j) first_j / sum exp(beta) first,
 
     and the last of these legs has no unknown of its own.
-
-    Attributes
-    ----------
-    given : (k + 2,) array
-        The times that are given; NaN for the others.
-    first : (k + 1,) array
-    energy : float
-        E.
     """
 
-    given: Array
-    first: Array
-    energy: float
+    given: Array  # (k + 2,): the times that are given; NaN for the others
+    first: Array  # (k + 1,)
+    energy: float  # E
     multipliers = 0
     _last: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
@@ -328,22 +305,12 @@ class Rows:
     They balance the momentum there. With holonomic constraints f the moves along both are left, and
     p1 = -mu on_q - nu f_q: the end's own part nu of the constraint's multiplier is a force that
     acts for no time.
-
-    Attributes
-    ----------
-    event : int
-        Its number, the start being 0.
-    free : (k,) array of int
-        Coordinates that the event does not give.
-    places : (k,) array of int
-        Theirs among the unknowns.
-    units : (s,) array
-        Of the rows: what they change by as the coordinates change by their lengths.
     """
 
-    event: int
-    free: NDInt
-    places: NDInt
+    event: int  # its number, the start being 0
+    free: NDInt  # (k,): coordinates that the event does not give
+    places: NDInt  # (k,): theirs among the unknowns
+    # (s,): of the rows: what they change by as the coordinates change by their lengths.
     units: Array
 
     @property
@@ -413,20 +380,12 @@ class Integral:
     The unknowns are kappa (c,). kappa.g is part of the Lagrangian of the problem's system, so that
     all but the rows themselves follows from that (Gelfand and Fomin, *Calculus of Variations*
     (1963), section 12).
-
-    Attributes
-    ----------
-    values : (c,) array
-        G.
-    units : (c,) array
-        Of the rows: what they change by as all coordinates change by their lengths.
-    unit : float
-        Of the action.
     """
 
-    values: Array
+    values: Array  # (c,): G
+    # (c,): of the rows: what they change by as all coordinates change by their lengths.
     units: Array
-    unit: float
+    unit: float  # of the action
 
     @property
     def size(self) -> int:
@@ -537,18 +496,13 @@ class PhaseCondition:
     first iterate,
     int xi.(q - q_first) dt = 0 (Doedel, in *Numerical Continuation Methods for Dynamical Systems*
     (2007), section 1.3.6), or a coordinate that the start gives.
-
-    Attributes
-    ----------
-    B, C : (size, k), (k, size) arrays
-    c : (k,) array
-    given : tuple of int
-        Coordinates that the start gives, and the first of the conditions say.
     """
 
+    # B, C (size, k), (k, size)
     B: Array
     C: Array
-    c: Array
+    c: Array  # (k,)
+    # Coordinates that the start gives, and the first of the conditions say.
     given: tuple[int, ...] = field(default=())
 
     @property

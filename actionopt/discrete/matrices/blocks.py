@@ -54,20 +54,11 @@ def is_large(nodes: int, width: int) -> bool:
 
 @immutable
 class Coupled:
-    """Large elements of one degree, of which two nodes are coupled in few places.
+    """Large elements of one degree, of which two nodes are coupled in few places."""
 
-    Attributes
-    ----------
-    across : (E, d + 1, d + 1, P) array
-        What couples the nodes a and b, by `row` and `col`.
-    nodal : (E, d + 1, f, f) array
-        What is added where a node meets itself.
-    row, col : (P,) arrays of int
-        Places of a node, all pairs that are coupled.
-    """
-
-    across: Array
-    nodal: Array
+    across: Array  # (E, d + 1, d + 1, P): what couples the nodes a and b, by `row` and `col`
+    nodal: Array  # (E, d + 1, f, f): what is added where a node meets itself
+    # row, col (P,): places of a node, all pairs that are coupled.
     row: NDInt
     col: NDInt
 

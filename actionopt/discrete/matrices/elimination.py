@@ -15,26 +15,15 @@ from actionopt.tools.types import Array, NDInt
 
 
 class Band(NamedTuple):
-    """Where symmetric matrices have entries, or get some as rows are eliminated.
+    """Where symmetric matrices have entries, or get some as rows are eliminated."""
 
-    Attributes
-    ----------
-    first : list of int
-        The first row with an entry in each column.
-    beyond : list of lists of slices
-        The columns from each row's own on in which it has entries.
-    beside, empty : lists of pairs of slices
-        Rows inside, and columns of the ends, with entries; and rows and columns that are to be zero
-        before any are put there.
-    size : int
-        How many entries there are, about.
-    """
-
-    first: list[int]
-    beyond: list[list[slice]]
+    first: list[int]  # the first row with an entry in each column
+    beyond: list[list[slice]]  # the columns from each row's own on in which it has entries
+    # beside, empty: rows inside, and columns of the ends, with entries; and rows and columns that
+    # are to be zero before any are put there.
     beside: list[tuple[slice, slice]]
     empty: list[tuple[slice, slice]]
-    size: int
+    size: int  # how many entries there are, about
 
     @classmethod
     def full(cls, rows: int) -> Band:

@@ -544,17 +544,13 @@ class Pattern:
     """A sparse matrix in compressed columns, and where each contribution to it goes.
 
     Contributions to pinned coordinates go to one slot past the end and are dropped.
-
-    Attributes
-    ----------
-    row, col : (nnz,) arrays of int
-    slots : (contributions,) array of int
     """
 
     shape: tuple[int, int]
+    # row, col (nnz,)
     row: NDInt
     col: NDInt
-    slots: NDInt
+    slots: NDInt  # (contributions,)
 
     @classmethod
     def build(cls, rows: int, cols: int, targets) -> Pattern:

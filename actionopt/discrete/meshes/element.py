@@ -27,25 +27,17 @@ from actionopt.tools.types import Array, NDInt
 
 @immutable
 class Element:
-    """The polynomials of one degree d, for paths of an order r.
-
-    Attributes
-    ----------
-    rule : Rule
-    order : int
-        r.
-    node, derivative : (d + 1,) arrays of int
-        Where each of the unknowns is kept: at which node, and as which derivative. Those of the
-        first and the last node are what they are called; others are coefficients.
-    basis : tuple of (d + 1, d + 1) arrays
-        The polynomial and its derivatives by xi up to that of order r, at the nodes, by the
-        unknowns.
-    """
+    """The polynomials of one degree d, for paths of an order r."""
 
     rule: Rule
-    order: int
+    order: int  # r
+    # node, derivative (d + 1,): where each of the unknowns is kept: at which node, and as which
+    # derivative. Those of the first and the last node are what they are called; others are
+    # coefficients.
     node: NDInt
     derivative: NDInt
+    # (d + 1, d + 1): the polynomial and its derivatives by xi up to that of order r, at the nodes,
+    # by the unknowns.
     basis: tuple[Array, ...]
 
     @property

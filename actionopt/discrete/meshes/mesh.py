@@ -18,21 +18,13 @@ MAX_DEGREE = 64  # ad hoc; the slopes of a sine have still 12 digits there
 
 @immutable
 class Group:
-    """The E elements of one degree d, by their d + 1 nodes.
-
-    Attributes
-    ----------
-    rule : Rule
-    elements : (E,) array of int
-    nodes : (E, d + 1) array of int
-    span : slice
-        Where they are among the nodes of all elements, group by group: nodes between elements
-        stand there twice.
-    """
+    """The E elements of one degree d, by their d + 1 nodes."""
 
     rule: Rule
-    elements: NDInt
-    nodes: NDInt
+    elements: NDInt  # (E,)
+    nodes: NDInt  # (E, d + 1)
+    # Where they are among the nodes of all elements, group by group: nodes between elements stand
+    # there twice.
     span: slice
 
 

@@ -40,23 +40,13 @@ LOWEST_TARGET = 5e-16  # round-off in the coefficients themselves
 
 @immutable
 class Resolution:
-    """How well each element of a mesh represents a path.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    scaled : (K, n) array
-        Nodal coordinates in units of their sizes.
-    omitted : (N,) array
-        Size of the first Legendre coefficient left out, in the same units; rather too large.
-    rate : (N,) array
-        Natural logarithm of rho, the decay per degree.
-    """
+    """How well each element of a mesh represents a path."""
 
     mesh: Mesh
-    scaled: Array
+    scaled: Array  # (K, n): nodal coordinates in units of their sizes
+    # (N,): size of the first Legendre coefficient left out, in the same units; rather too large.
     omitted: Array
-    rate: Array
+    rate: Array  # (N,): natural logarithm of rho, the decay per degree
 
     @cached_property
     def worst(self) -> float:

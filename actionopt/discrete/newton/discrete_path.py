@@ -28,20 +28,11 @@ class Unknowns(NamedTuple):
 
 @immutable
 class DiscretePath:
-    """A path on a mesh, with the multipliers of its constraints.
+    """A path on a mesh, with the multipliers of its constraints."""
 
-    Attributes
-    ----------
-    tr : Transcription
-        The discrete action on the mesh, and the units of the unknowns.
-    z : (size,) array
-        Coordinates x that are free, node by node, and multipliers mu of the rows, in units of
-        their own:
-
-            z = [ x_1 ... x_unknowns | mu_1 ... mu_rows ].
-    """
-
-    tr: Transcription
+    tr: Transcription  # the discrete action on the mesh, and the units of the unknowns
+    # (size,): coordinates x that are free, node by node, and multipliers mu of the rows, in units
+    # of their own: z = [ x_1 ... x_unknowns | mu_1 ... mu_rows ].
     z: Array
 
     def __repr__(self) -> str:

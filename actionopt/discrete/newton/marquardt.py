@@ -109,22 +109,12 @@ def _plain(tr: Transcription, z: Array) -> Array | None:
 
 @immutable
 class _Masses:
-    """The norms in which residuals and steps are measured, along one path.
-
-    Attributes
-    ----------
-    tr : Transcription
-    systems : _Systems
-    mass : array
-        Nonzeros of M on the pattern `layout.masses`, in the units of z.
-    total : float
-        Its trace.
-    """
+    """The norms in which residuals and steps are measured, along one path."""
 
     tr: Transcription
     systems: _Systems
-    mass: Array
-    total: float
+    mass: Array  # nonzeros of M on the pattern `layout.masses`, in the units of z
+    total: float  # its trace
 
     @classmethod
     def of(cls, tr: Transcription, z: Array) -> _Masses:

@@ -39,33 +39,17 @@ TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs nex
 
 @immutable
 class Followed:
-    """The end of Newton's method.
+    """The end of Newton's method."""
 
-    Attributes
-    ----------
-    z : (size,) array
-        The last iterate.
-    converged : bool
-        Whether the steps contracted down to round-off.
-    noise : float
-        Size of the correction that the remaining residual still asks for, in units of the
-        coordinates' sizes: round-off amplified by the problem's own conditioning.
-    iterations : int
-        Factorizations used.
-    travelled : float
-        Distance from the first iterate, in the same units.
-    factors : Factors or None
-        Those of the last factorization, close to z.
-    since : float
-        Distance from where that matrix was taken, that of the multipliers included.
-    """
-
-    z: Array
-    converged: bool
+    z: Array  # (size,): the last iterate
+    converged: bool  # whether the steps contracted down to round-off
+    # Size of the correction that the remaining residual still asks for, in units of the
+    # coordinates' sizes: round-off amplified by the problem's own conditioning.
     noise: float
-    iterations: int
-    travelled: float
-    factors: Factors | None = None
+    iterations: int  # factorizations used
+    travelled: float  # distance from the first iterate, in the same units
+    factors: Factors | None = None  # those of the last factorization, close to z
+    # Distance from where that matrix was taken, that of the multipliers included.
     since: float = 0.0
 
 
