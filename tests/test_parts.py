@@ -1519,7 +1519,7 @@ def test_strategies_that_cost_too_much_come_last():
     )
     watch = fake(affords=lambda cost: cost < 5)
 
-    def order(watch=watch, lost=((True, None),), saddle=None, principle="auto", uneven=0.0):
+    def order(watch=watch, lost=(True,), saddle=None, principle="auto", uneven=0.0):
         ws = fake(watch=watch, uneven=uneven)
         search: Any = fake(ws=ws, lost=lost, saddle=saddle, principle=principle)
         names = {id(plain): "plain", id(least): "least", id(dear): "dear"}
@@ -1530,7 +1530,7 @@ def test_strategies_that_cost_too_much_come_last():
 
     assert order() == ["plain", "least", "dear"]
     assert order(watch=None) == ["dear", "plain", "least"]
-    assert order(lost=((False, None),)) == ["least", "plain", "dear"]
+    assert order(lost=(False,)) == ["least", "plain", "dear"]
     assert order(saddle=1) == ["plain", "dear"]
     assert order(saddle=1, principle="least") == ["plain", "least", "dear"]
 

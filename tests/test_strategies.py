@@ -21,7 +21,6 @@ from actionopt.solver.search.strategies import (
     MEETING_LOST,
     STRATEGIES,
     PatientLeast,
-    Root,
     TwoSidedShooting,
 )
 from actionopt.solver.solve import solve_near
@@ -284,30 +283,6 @@ def test_a_curved_line_stays_within_the_size_of_the_motion():
     assert 0.1 < np.max(np.abs(bend)) < 1.0
 
 
-@pytest.mark.parametrize("near, tried", [(0.0, 1), (0.01, 2)])
-def test_what_could_not_be_refined_is_not_refined_again(near, tried, monkeypatch):
-    """The same path on the same mesh leads to the same meshes; another may not."""
-    search = search_for(scenes.get("pendulum").problem)
-    refined, found = [], []
-
-    def unresolved(search):
-        refined.append(search.ws.here.mesh.elements)
-        return ao.Status.UNRESOLVED
-
-    def seek(ws):
-        found.append(ws.approach())
-        ws.here = ws.here.moved(ws.here.z + near * (len(found) - 1))
-        return found[-1]
-
-    monkeypatch.setattr(Search, "refine", unresolved)
-    strategy = Root("stationary", (8,))
-    monkeypatch.setattr(Root, "seek", lambda strategy, ws: seek(ws))
-    for _ in range(2):
-        assert search.on_meshes(strategy) is ao.Status.UNRESOLVED
-    assert found == [True, True]
-    assert len(refined) == tried
-
-
 def test_few_motions_that_meet_are_refined_where_none_can_be(monkeypatch):
     scene = scenes.get("pendulum")
     search, refined = search_for(scene.problem, principle="stationary"), []
@@ -338,7 +313,7 @@ class Told(Strategy):
         if self.found == "saddle":
             search.saddle = self.name, None
         if self.found == "lost":
-            search.lost.append((True, None))
+            search.lost.append(True)
             return ao.Status.UNRESOLVED
         return ao.Status.NOT_FOUND
 

@@ -62,7 +62,6 @@ FAR_DOWN = 32.0  # sizes from where it is not expected back; ad hoc
 # Of a descent that is to end so, sizes from where it is asked whether it does. Measured on 20
 # random questions: 8 tell the same a third later.
 NEAR_OUT = 2.0
-LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again; ad hoc
 # Elements tried before others where coordinates are many. Measured on chains, bodies and lattices:
 # a third less time, at any tolerance.
 FIRST_FEW = 2
@@ -129,7 +128,8 @@ class Search:
     straight: bool = False  # whether it is sought from no other
     may_be_least: bool = False
     around: Search | None = None  # the same from a curved line, once it was begun
-    lost: list[tuple[bool, Iterate]] = field(default_factory=list)  # what could not be refined
+    # Whether what could not be refined were sought as least paths, one after the other.
+    lost: list[bool] = field(default_factory=list)
     # Where one strategy set out, by elements and degree: others may set out there as well.
     lines: dict[tuple[int, int], Iterate] = field(default_factory=dict)
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
@@ -286,7 +286,7 @@ class Search:
                 again.append(strategy)
             elif watch is not None and not watch.affords(strategy.cost):
                 expensive.append(strategy)
-            elif strategy.minimises and any(least for least, _ in self.lost):
+            elif strategy.minimises and any(self.lost):
                 again.append(strategy)
             else:
                 yield strategy
@@ -370,14 +370,10 @@ class Search:
                 # There may be a least path yet; this one is kept in case there is not.
                 self.saddle = self.saddle or (strategy.name, ws.here.bare())
                 return Status.NOT_FOUND
-            if self._was_lost():
-                status = Status.UNRESOLVED
-                continue
-            found = ws.here.bare()
             status = self.refine()
             if status is not Status.UNRESOLVED:
                 break
-            self.lost.append((self.least, found))
+            self.lost.append(self.least)
             if ws.has_kink:  # so it is on finer meshes
                 break
         return status
@@ -394,18 +390,6 @@ class Search:
         if known is None and not self._large:
             self.lines[key] = ws.here
 
-    def _was_lost(self) -> bool:
-        """Whether the path at hand is one of those that could not be refined, by the same means."""
-        here = self.ws.here
-        return any(
-            (least or not self.least)
-            and here.x.shape == lost.x.shape
-            and here.mesh.since.tobytes() == lost.mesh.since.tobytes()
-            and np.abs(here.x - lost.x).max() < LOST_ALIKE
-            for least, lost in self.lost
-        )
-
-    # -- from a guess --------------------------------------------------------------------------
     # -- linear equations ------------------------------------------------------------------------
 
     def solve_linear(self, curve_of: Callable[[Mesh], Path] | None) -> Status:
