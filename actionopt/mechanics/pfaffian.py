@@ -39,23 +39,12 @@ LEAF_ACCURACY = 1e-12  # of the leaf's slope, at a distance `reach`
 
 @dataclass(frozen=True)
 class Frobenius:
-    """The result of the test of integrability.
+    """The result of the test of integrability."""
 
-    Attributes
-    ----------
-    exact : bool
-        Whether each row is a differential by itself, d a_i = 0.
-    integrable : bool
-        Whether all rows together are holonomic.
-    row : int or None
-        The first row that is not.
-    defect : float
-        Largest z . (d a_i) w, relative to the derivatives of the rows; 0 if integrable.
-    """
-
-    exact: bool
-    integrable: bool
-    row: int | None
+    exact: bool  # whether each row is a differential by itself, d a_i = 0
+    integrable: bool  # whether all rows together are holonomic
+    row: int | None  # the first row that is not
+    # Largest z . (d a_i) w, relative to the derivatives of the rows; 0 if integrable.
     defect: float
 
 

@@ -24,26 +24,18 @@ EXTRA_DEGREES = 3
 
 @immutable
 class Sampling:
-    """A quadrature with m + 1 points for the polynomials with given values at d + 1 nodes.
+    """A quadrature with m + 1 points for the polynomials with given values at d + 1 nodes."""
 
-    Attributes
-    ----------
-    nodes, weights : (m + 1,) arrays
-    values, slopes : (m + 1, d + 1) arrays
-        Map nodal values to values and derivatives at the points.
-    weighted_values, weighted_slopes : (d + 1, m + 1) arrays
-        Their transposes, times the weights.
-    panels : int
-        Equal parts of [-1, 1] that have the same points.
-    """
-
+    # nodes, weights (m + 1,)
     nodes: Array
     weights: Array
+    # values, slopes (m + 1, d + 1): map nodal values to values and derivatives at the points.
     values: Array
     slopes: Array
+    # weighted_values, weighted_slopes (d + 1, m + 1): their transposes, times the weights.
     weighted_values: Array
     weighted_slopes: Array
-    panels: int = 1
+    panels: int = 1  # equal parts of [-1, 1] that have the same points
 
     @cached_property
     def _running(self) -> Array:
@@ -147,33 +139,17 @@ class Sampling:
 
 @immutable
 class Rule:
-    """The LGL rule of one polynomial degree d (d + 1 points, exact to degree 2d - 1).
+    """The LGL rule of one polynomial degree d (d + 1 points, exact to degree 2d - 1)."""
 
-    Attributes
-    ----------
-    degree : int
-        Polynomial degree d >= 1.
-    nodes : (d + 1,) array
-        xi_k in [-1, 1], increasing, ends included.
-    weights : (d + 1,) array
-        w_k = 2 / (d (d + 1) P_d(xi_k)^2); they sum to 2.
-    barycentric : (d + 1,) array
-        Barycentric interpolation weights, scaled to a largest magnitude of one.
-    derivative : (d + 1, d + 1) array
-        D[k, j] = l_j'(xi_k) for the Lagrange polynomials l_j.
-    to_legendre : (d + 1, d + 1) array
-        Maps nodal values to the coefficients of P_0 ... P_d.
-    ends : tuple of int
-        Which ends are nodes of the polynomials alone: what is summed is not looked at there
-        (`open_rule`).
-    """
-
-    degree: int
-    nodes: Array
-    weights: Array
+    degree: int  # polynomial degree d >= 1
+    nodes: Array  # (d + 1,): xi_k in [-1, 1], increasing, ends included
+    weights: Array  # (d + 1,): w_k = 2 / (d (d + 1) P_d(xi_k)^2); they sum to 2
+    # (d + 1,): barycentric interpolation weights, scaled to a largest magnitude of one.
     barycentric: Array
-    derivative: Array
-    to_legendre: Array
+    derivative: Array  # (d + 1, d + 1): D[k, j] = l_j'(xi_k) for the Lagrange polynomials l_j
+    to_legendre: Array  # (d + 1, d + 1): maps nodal values to the coefficients of P_0 ... P_d
+    # Which ends are nodes of the polynomials alone: what is summed is not looked at there
+    # (`open_rule`).
     ends: tuple[int, int] = (0, 0)
 
     @cached_property

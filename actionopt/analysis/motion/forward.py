@@ -119,27 +119,14 @@ def integrate(
 
 @immutable
 class Leg:
-    """A part of a motion that is integrated without a stop.
+    """A part of a motion that is integrated without a stop."""
 
-    Attributes
-    ----------
-    times : (N + 1,) array
-        Boundaries of elements in the order of integration, all up or all down.
-    degrees : (N,) array of int
-    units : FlowUnits
-    local : float
-        What it is integrated in, and the tolerance of a step.
-    longest : float
-        A part of it that no step exceeds.
-    singular : bool
-        Whether it is one element that begins where the mass vanishes, a power series (`series`).
-    """
-
-    times: Array
-    degrees: NDInt
+    times: Array  # (N + 1,): boundaries of elements in the order of integration, all up or all down
+    degrees: NDInt  # (N,)
     units: FlowUnits
-    local: float
-    longest: float
+    local: float  # what it is integrated in, and the tolerance of a step
+    longest: float  # a part of it that no step exceeds
+    # Whether it is one element that begins where the mass vanishes, a power series (`series`).
     singular: bool = False
 
     @property
@@ -311,28 +298,14 @@ def restarts(mesh: Mesh, instants: list[Instant]) -> list[Instant]:
 
 @immutable
 class _Rough:
-    """The units and the sizes of a motion that rough integrations tell.
-
-    Attributes
-    ----------
-    units : FlowUnits
-    steps : int
-        Their number.
-    ends : (N,) array
-        Last times of the legs.
-    noises : list of (n,) arrays
-        In each leg, the round-off of the accelerations,
-    lengths : list of float
-        and how long the steps are.
-    instants : list of Instant
-        Where the Lagrangian jumps in time; the rough integrations do not heed it.
-    """
+    """The units and the sizes of a motion that rough integrations tell."""
 
     units: FlowUnits
-    steps: int
-    ends: Array
-    noises: list[Array]
-    lengths: list[float]
+    steps: int  # their number
+    ends: Array  # (N,): last times of the legs
+    noises: list[Array]  # (n,): the round-off of the accelerations in each leg
+    lengths: list[float]  # how long the steps of each leg are
+    # Where the Lagrangian jumps in time; the rough integrations do not heed it.
     instants: list[Instant]
 
     def within(self, t: float, local: float) -> tuple[FlowUnits, float]:

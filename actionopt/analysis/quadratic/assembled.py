@@ -49,17 +49,10 @@ EVEN_UNITS = 10.0  # how far units of coordinates may be from those of equal ine
 
 @immutable
 class AssembledForm:
-    """d2S on the variations z of a discrete path, in its units, and the rows that restrict them.
-
-    Attributes
-    ----------
-    at : DiscretePath
-    matrix : array
-        Nonzeros of its KKT matrix.
-    """
+    """d2S on the variations z of a discrete path, in its units, and the rows that restrict them."""
 
     at: DiscretePath
-    matrix: Array
+    matrix: Array  # nonzeros of its KKT matrix
 
     singular = ()  # evaluations at which L_vv vanishes: `is_convex` refuses any
 

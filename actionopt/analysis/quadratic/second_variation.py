@@ -48,39 +48,22 @@ MATRICES_AT_ONCE = 3  # products over all coordinates of an element, of some ele
 
 @immutable
 class Form:
-    """The quadratic form d2S of a discrete path, in coordinates a_k of each node's variations.
+    """The quadratic form d2S of a discrete path, in coordinates a_k of each node's variations."""
 
-    Attributes
-    ----------
-    at : DiscretePath
-        The path.
-    units : (n,) array
-        The variation at node k is eta_k = units * (basis_k @ a_k).
-    basis : (K, n, r) array
-        Orthonormal columns that span the variations allowed at each node; at the end nodes
-        those along which the events are pinned come first.
-    pinned : tuple of int
-        Number of pinned directions at the start and at the end.
-    passed : dict
-        Number of pinned directions at the nodes of events between the ends.
-    elements, kinetic : lists of ((d + 1) r, (d + 1) r) arrays
-        d2S and its part in L_vv on each element, in the user's units of action. Where neither
-        end pins all, int eta.L_vv eta dt / T^2 is added to that part: a constant eta has no rate.
-    legendre : (evaluations, r) array
-        Eigenvalues of L_vv on the variations allowed.
-    frequency : float
-        The `typical_frequency`.
-    """
-
-    at: DiscretePath
-    units: Array
+    at: DiscretePath  # the path
+    units: Array  # (n,): the variation at node k is eta_k = units * (basis_k @ a_k)
+    # (K, n, r): orthonormal columns that span the variations allowed at each node; at the end nodes
+    # those along which the events are pinned come first.
     basis: Array
-    pinned: tuple[int, int]
-    passed: dict[int, int]
+    pinned: tuple[int, int]  # number of pinned directions at the start and at the end
+    passed: dict[int, int]  # number of pinned directions at the nodes of events between the ends
+    # elements, kinetic ((d + 1) r, (d + 1) r): d2S and its part in L_vv on each element, in the
+    # user's units of action. Where neither end pins all, int eta.L_vv eta dt / T^2 is added to that
+    # part: a constant eta has no rate.
     elements: list[Array]
     kinetic: list[Array]
-    legendre: Array
-    frequency: float
+    legendre: Array  # (evaluations, r): eigenvalues of L_vv on the variations allowed
+    frequency: float  # the `typical_frequency`
 
     @property
     def tr(self) -> Transcription:
@@ -476,17 +459,11 @@ def check_legendre(form: Form) -> None:
 
 @immutable
 class SchurComplement:
-    """The form that is left when the inside of a path is eliminated.
+    """The form that is left when the inside of a path is eliminated."""
 
-    Attributes
-    ----------
-    negative : int
-        Number of negative pivots.
-    hessian : (k0 + k1, k0 + k1) array
-        Second derivatives of the action by the pinned directions at the start and at the end.
-    """
-
-    negative: int
+    negative: int  # number of negative pivots
+    # (k0 + k1, k0 + k1): second derivatives of the action by the pinned directions at the start and
+    # at the end.
     hessian: Array
 
 

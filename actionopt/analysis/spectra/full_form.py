@@ -36,17 +36,10 @@ FORM_ROUNDS = (
 
 @immutable
 class FullForm:
-    """d2S of a path, or of its part from the start to some time at which nothing varies.
-
-    Attributes
-    ----------
-    equations : Bordered or Transcription
-    z : (size,) array
-        Their unknowns.
-    """
+    """d2S of a path, or of its part from the start to some time at which nothing varies."""
 
     equations: Bordered | Transcription
-    z: Array
+    z: Array  # (size,): their unknowns
 
     @cached_property
     def basis(self) -> Array:

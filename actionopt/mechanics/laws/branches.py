@@ -29,23 +29,12 @@ SIDES = np.zeros(1)
 
 @immutable
 class Branches:
-    """Where a Lagrangian has kinks in q.
-
-    Attributes
-    ----------
-    system : System
-    arguments : tuple of S casadi.SX
-        Expressions of q, t and parameters.
-    knots : tuple of S arrays
-        The values of these at which the branches of each meet, increasing.
-    evaluate : Pointwise
-        The arguments, (K, S), of (q, t, p).
-    """
+    """Where a Lagrangian has kinks in q."""
 
     system: Any  # one that imports this module
-    arguments: tuple[ca.SX, ...]
-    knots: tuple[Array, ...]
-    evaluate: Pointwise
+    arguments: tuple[ca.SX, ...]  # expressions of q, t and parameters
+    knots: tuple[Array, ...]  # the values of these at which the branches of each meet, increasing
+    evaluate: Pointwise  # the arguments, (K, S), of (q, t, p)
 
     def pieces(self, x: Array) -> NDInt:
         """Return which piece arguments x (K, S) are on, from 0, for each."""

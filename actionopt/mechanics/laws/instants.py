@@ -42,23 +42,15 @@ CLOCKED = {*ZEROS, *DIFFERENCES, *ROUNDING_CODES, *REMAINDERS, LINEAR_TABLE}
 
 @immutable
 class ClockSwitches:
-    """The branches of a law that switch with the time alone.
+    """The branches of a law that switch with the time alone."""
 
-    Attributes
-    ----------
-    steps : Pointwise
-        Of (t, p): steps, each constant but for the instants, (K, S), and the signs of those slopes
-        of what they are the steps of that change: between two instants close together is an
-        extremum.
-    rates : Pointwise
-        Of (t, p): the derivatives by t, (K, S), and by p, (K, P S), of what they are the steps of.
-    most : int
-        Instants of which none is missed, unless two of one step are close together: more are
-        something very fast. As many as there are samples, and points of tables.
-    """
-
+    # Of (t, p): steps, each constant but for the instants, (K, S), and the signs of those slopes of
+    # what they are the steps of that change: between two instants close together is an extremum.
     steps: Pointwise
+    # Of (t, p): the derivatives by t, (K, S), and by p, (K, P S), of what they are the steps of.
     rates: Pointwise
+    # Instants of which none is missed, unless two of one step are close together: more are
+    # something very fast. As many as there are samples, and points of tables.
     most: int
 
     def moving(self, known: tuple[Instant, ...], packed: Array) -> Array:

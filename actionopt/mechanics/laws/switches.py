@@ -49,21 +49,11 @@ MOST_PARTS = 16  # of a minimum, such as the 8 of 1 - |x| - |y| - |z|; ad hoc
 
 @immutable
 class Switches:
-    """The steps of L that depend on q or v.
+    """The steps of L that depend on q or v."""
 
-    Attributes
-    ----------
-    values : Pointwise
-        Of (q, v, t, p): the steps' values c, (K, S).
-    held : Pointwise
-        Of (q, v, t, p, c): L with these values.
-    texts : tuple of S str
-        The steps as they are written in the coordinates, such as "0<y".
-    """
-
-    values: Pointwise
-    held: Pointwise
-    texts: tuple[str, ...]
+    values: Pointwise  # of (q, v, t, p): the steps' values c, (K, S)
+    held: Pointwise  # of (q, v, t, p, c): L with these values
+    texts: tuple[str, ...]  # the steps as they are written in the coordinates, such as "0<y"
 
 
 def switches(s: Symbols, lagrangian: Tape, coordinates: Sequence[str]) -> Switches | None:

@@ -233,36 +233,19 @@ def _expression(x: Any, role: str) -> Any:
 
 @immutable
 class Formulas:
-    """A system as sympy writes it; `L, q, v, t = formulas` are the arguments of `from_sympy`.
+    """A system as sympy writes it; `L, q, v, t = formulas` are the arguments of `from_sympy`."""
 
-    Attributes
-    ----------
-    lagrangian : sympy.Expr
-        L; also `L`.
-    q, v : tuple of n sympy expressions
-        Coordinates, functions of time, and their derivatives.
-    t : sympy.Symbol
-    order : int
-        The order of the highest derivative in L: 2 with accelerations.
-    parameters : dict of str to sympy.Symbol or sympy.Matrix
-        By name; those of parameters that are arrays, of symbols `m_1`, `m_2`, ... row by row.
-    constraint : tuple of m sympy.Expr
-        f(q, t), which vanish.
-    force : tuple of n sympy.Expr
-        Q(q, v, t); empty without.
-    multipliers : tuple of m sympy expressions
-        lambda of L + lambda.f, functions of time.
-    """
-
-    lagrangian: Any
+    lagrangian: Any  # L; also `L`
+    # q, v: coordinates, functions of time, and their derivatives.
     q: tuple[Any, ...]
     v: tuple[Any, ...]
     t: Any
+    # By name; those of parameters that are arrays, of symbols `m_1`, `m_2`, ... row by row.
     parameters: Mapping[str, Any]
-    constraint: tuple[Any, ...] = ()
-    force: tuple[Any, ...] = ()
-    multipliers: tuple[Any, ...] = ()
-    order: int = 1
+    constraint: tuple[Any, ...] = ()  # f(q, t), which vanish
+    force: tuple[Any, ...] = ()  # Q(q, v, t); empty without
+    multipliers: tuple[Any, ...] = ()  # lambda of L + lambda.f, functions of time
+    order: int = 1  # the order of the highest derivative in L: 2 with accelerations
 
     def __iter__(self):
         """Yield L, q, v and t."""

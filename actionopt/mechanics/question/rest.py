@@ -41,38 +41,21 @@ SERIES_TERMS = 18  # of exp(x) for |x| < 1/2: 2^-18 / 18! = 6e-22
 
 @immutable
 class Rest:
-    """An equilibrium, and the linear manifold of the motions that come from it or tend to it.
+    """An equilibrium, and the linear manifold of the motions that come from it or tend to it."""
 
-    Attributes
-    ----------
-    side : int
-        -1 for motions that come from it, 1 for those that tend to it.
-    q, p : (n,) arrays
-        Coordinates and momenta at rest.
-    slope, rates : (n, n) arrays
-        p = self.p + slope eta, v = rates eta, eta = q - self.q.
-    action : (n,) and (n, n) arrays
-        What lies beyond is action[0].eta + eta.action[1] eta / 2 above rest.
-    mass : (n, n) array
-        L_vv at rest.
-    slow : float
-        The least rate of decay.
-    lagrangian : float
-        L at rest.
-    lam : (m,) array
-        The multipliers of constraints there.
-    """
-
-    side: int
+    side: int  # -1 for motions that come from it, 1 for those that tend to it
+    # q, p (n,): coordinates and momenta at rest.
     q: Array
     p: Array
+    # slope, rates (n, n): p = self.p + slope eta, v = rates eta, eta = q - self.q.
     slope: Array
     rates: Array
+    # (n,), (n, n): what lies beyond is action[0].eta + eta.action[1] eta / 2 above rest.
     action: tuple[Array, Array]
-    mass: Array
-    slow: float
-    lagrangian: float
-    lam: Array
+    mass: Array  # (n, n): L_vv at rest
+    slow: float  # the least rate of decay
+    lagrangian: float  # L at rest
+    lam: Array  # (m,): the multipliers of constraints there
 
     def beyond(self, eta: Array, since: Array) -> Array:
         """Return eta (n, K) at times `since` (K,) from where it was (n,): exp(rates since) eta."""
@@ -153,29 +136,20 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
 
 @immutable
 class _Linearization:
-    """The forces on a system at rest, and how they change with q and v.
+    """The forces on a system at rest, and how they change with q and v."""
 
-    Attributes
-    ----------
-    pull, push, force : (n,) arrays
-        L_q, with the forces Q, and with those of constraints, lam . G.
-    A, B, C : (n, n) arrays
-        L_qq with the curvature lam . f_qq of constraints, L_qv and L_vv.
-    by_q, drag : (n, n) arrays
-        The derivatives of `force` by q, and of Q by v.
-    f, lam : (m,) arrays
-    G : (m, n) array
-        The constraints, the multipliers that leave the least force, and f_q.
-    """
-
+    # pull, push, force (n,): L_q, with the forces Q, and with those of constraints, lam . G.
     pull: Array
     push: Array
     force: Array
+    # A, B, C (n, n): L_qq with the curvature lam . f_qq of constraints, L_qv and L_vv.
     A: Array
     B: Array
     C: Array
+    # by_q, drag (n, n): the derivatives of `force` by q, and of Q by v.
     by_q: Array
     drag: Array
+    # f, lam (m,), G (m, n): the constraints, the multipliers that leave the least force, and f_q.
     f: Array
     lam: Array
     G: Array

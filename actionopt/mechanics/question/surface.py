@@ -32,18 +32,10 @@ SURFACE_TOLERANCE = 1e-8
 
 @immutable
 class Surface:
-    """The s expressions on(q, t) that vanish at an event, traced.
+    """The s expressions on(q, t) that vanish at an event, traced."""
 
-    Attributes
-    ----------
-    law : casadi.Function
-        on(q, t, p) with the parameters p packed in one column.
-    shapes : dict
-        Those of the parameters in it, by name.
-    """
-
-    law: ca.Function
-    shapes: dict[str, tuple[int, ...]]
+    law: ca.Function  # on(q, t, p) with the parameters p packed in one column
+    shapes: dict[str, tuple[int, ...]]  # those of the parameters in it, by name
 
     def __call__(self, q: ca.SX, t: ca.SX, p: ca.SX) -> ca.SX:
         """Return the expressions, (s, 1), of symbols."""
