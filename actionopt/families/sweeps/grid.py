@@ -18,21 +18,11 @@ from actionopt.tools.types import Array, NDInt
 
 @immutable
 class Grid:
-    """Members are numbered from 0 as the items of an array of the grid's `shape`.
+    """Members are numbered from 0 as the items of an array of the grid's `shape`."""
 
-    Attributes
-    ----------
-    problem : Problem
-        What all members have in common.
-    names : tuple of str or pair of str
-        What varies.
-    values : tuple of arrays
-        Of each: one axis of the grid or, `zipped`, one number for each member.
-    zipped : bool
-    """
-
-    problem: Problem
-    names: tuple[Name, ...]
+    problem: Problem  # what all members have in common
+    names: tuple[Name, ...]  # what varies
+    # Of each: one axis of the grid or, `zipped`, one number for each member.
     values: tuple[Array, ...]
     zipped: bool
 

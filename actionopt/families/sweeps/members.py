@@ -20,64 +20,33 @@ from actionopt.tools.types import Array, NDInt
 
 @immutable
 class Members:
-    """The answers of k members, in the order in which they were given.
-
-    Attributes
-    ----------
-    status : tuple of Status
-    action, error : (k,) arrays
-        NaN and infinite for a member that was refused.
-    index : (k,) array of int
-        Morse indices, -1 where none was asked for or could be counted.
-    momenta : (k, 2, n) array
-        At the start and at the end.
-    times : (k, 2) array
-        Of the two events.
-    iterations : (k,) array of int
-        Factorizations.
-    alone : (k,) array of bool
-        Which were left to `solve`.
-    neighbour : (k,) array of int
-        The nearest member of those from which each was reached; -1 for one that had none.
-    moved : (k,) array
-        How far the path is from where its neighbours led to expect it, in its own size; NaN
-        where they did not.
-    slopes : (k, columns) array
-        dS by each quantity that differs; NaN where S is no function of them alone, as with forces
-        that are not conservative.
-    sheet : (k,) array of int
-        The same for members that were reached from each other without a leap; -1 for others.
-    meshes : tuple of Mesh
-        Over the times [0, 1].
-    mesh : (k,) array of int
-        Which of them is each member's.
-    values : tuple of (n, K) arrays
-        Coordinates at the nodes.
-    messages : dict of int to str
-        What `solve` says of members that it refused.
-    errors : dict of int to str
-        What ended the solve of members unexpectedly.
-    unsought : (k,) array of bool
-        Members that failed and were not searched for as `solve` would, to save time.
-    """
+    """The answers of k members, in the order in which they were given."""
 
     status: tuple[Status, ...]
+    # action, error (k,): NaN and infinite for a member that was refused.
     action: Array
     error: Array
-    index: NDInt
-    momenta: Array
-    times: Array
-    iterations: NDInt
-    alone: NDInt
+    index: NDInt  # (k,): Morse indices, -1 where none was asked for or could be counted
+    momenta: Array  # (k, 2, n): at the start and at the end
+    times: Array  # (k, 2): of the two events
+    iterations: NDInt  # (k,): factorizations
+    alone: NDInt  # (k,): which were left to `solve`
+    # (k,): the nearest member of those from which each was reached; -1 for one that had none.
     neighbour: NDInt
+    # (k,): how far the path is from where its neighbours led to expect it, in its own size; NaN
+    # where they did not.
     moved: Array
+    # (k, columns): dS by each quantity that differs; NaN where S is no function of them alone, as
+    # with forces that are not conservative.
     slopes: Array
+    # (k,): the same for members that were reached from each other without a leap; -1 for others.
     sheet: NDInt
-    meshes: tuple[Mesh, ...]
-    mesh: NDInt
-    values: tuple[Array, ...]
-    messages: dict[int, str]
-    errors: dict[int, str]
+    meshes: tuple[Mesh, ...]  # over the times [0, 1]
+    mesh: NDInt  # (k,): which of them is each member's
+    values: tuple[Array, ...]  # (n, K): coordinates at the nodes
+    messages: dict[int, str]  # what `solve` says of members that it refused
+    errors: dict[int, str]  # what ended the solve of members unexpectedly
+    # (k,): members that failed and were not searched for as `solve` would, to save time.
     unsought: NDInt
 
     @property

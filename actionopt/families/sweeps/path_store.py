@@ -16,28 +16,17 @@ from actionopt.tools.types import Array, NDInt
 
 @immutable
 class PackedPaths:
-    """Paths of k members.
+    """Paths of k members."""
 
-    Attributes
-    ----------
-    members : (k,) array of int
-        Their numbers in a grid.
-    times : (k, 2) array
-    elements : (k,) array of int
-        How many each has.
-    since, degrees, values : arrays in one row
-        One member after the other: `Mesh.since`, degrees, and coordinates row by row.
-    passed : (k, events) array
-        When each passes the events between its ends.
-    """
-
-    members: NDInt
-    times: Array
-    elements: NDInt
+    members: NDInt  # (k,): their numbers in a grid
+    times: Array  # (k, 2)
+    elements: NDInt  # (k,): how many each has
+    # since, degrees, values: one member after the other: `Mesh.since`, degrees, and coordinates row
+    # by row.
     since: Array
     degrees: NDInt
     values: Array
-    passed: Array
+    passed: Array  # (k, events): when each passes the events between its ends
 
     def __repr__(self) -> str:
         return f"PackedPaths({self.members.size} paths)"

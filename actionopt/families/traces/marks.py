@@ -60,22 +60,13 @@ class Mark:
 
 @dataclass(frozen=True)
 class Step:
-    """A step along a branch, as s shows it: a cubic with its values and slopes at both ends.
+    """A step along a branch, as s shows it: a cubic with its values and slopes at both ends."""
 
-    Attributes
-    ----------
-    length : float
-        Along the direction of the first point; s is in units of its range.
-    first, last : float
-        Slopes of s at the ends.
-    bend : float
-        By how much the slope in the middle is more than the mean of these.
-    """
-
-    length: float
+    length: float  # along the direction of the first point; s is in units of its range
+    # first, last: slopes of s at the ends.
     first: float
     last: float
-    bend: float
+    bend: float  # by how much the slope in the middle is more than the mean of these
 
     @classmethod
     def between(cls, branch: Branch, here: BranchPoint, there: BranchPoint) -> Step:
