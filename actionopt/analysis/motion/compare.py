@@ -56,7 +56,8 @@ from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
 PIECES = 100  # at most; more say no more
-PIECE_TOL = 1e-14  # local tolerance there
+# The least local tolerance there, and in parts of the other: a thousandth of what is allowed.
+PIECE_TOL, PIECE_SHARE = 1e-14, 0.1
 EVEN = 17  # times at which the round-off is asked for
 MOST_CUTS = 2000  # at most, of pieces too unstable to say anything: bounds the time it takes
 KINK_CUT = 0.38  # not in halves: a kink is where elements meet, and would hide between the parts
@@ -239,9 +240,9 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     instants = jumps(flow.system, flow.parameters, t, q, v)
     even = np.searchsorted(t, np.linspace(t[0], t[-1], EVEN))
     noise = flow.round_off(q[:, even], v[:, even], t[even])
-    parts = _Parts.of(
-        solution, flow, instants, units.above(noise, span * CVODES_LONGEST, PIECE_TOL)
-    )
+    piece_tol = max(PIECE_SHARE * tol, PIECE_TOL)
+    accuracy = units.above(noise, span * CVODES_LONGEST, piece_tol)
+    parts = _Parts.of(solution, flow, instants, accuracy)
     local, unknown = _piece_by_piece(solution, parts, units, allowed, count)
     if isinstance(motion, IntegrationError):
         path = _as_far(flow, start, mesh, motion.t)
@@ -252,24 +253,27 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     position = _deviation(q, path(t), sizes)  # at t as it is rounded
     velocity = _deviation(v, path.velocities, units.v[:count])
 
-    def again(state: State, looser: float, shorter: float) -> float:
+    def again(run: ForwardMotion, state: State, looser: float, shorter: float) -> float:
         """Return the largest deviation of another integration from the first."""
         try:
-            other = motion.again(state, looser, shorter)
+            other = run.again(state, looser, shorter)
         except IntegrationError:  # so near a singularity that nothing is certain
             return np.inf
         return float(_deviation(other, motion.q, sizes).max())
 
     changed = position.max() > allowed
+    # The other integration begins with this one's motion, whichever way it goes itself.
+    about = replace(motion, flow=FlowAbout(problem.system, problem.parameters, path))
+    disturbed = _perturb(problem, start, units, allowed) if changed else start
     found = Comparison(
         position=float(position.max()),
         velocity=float(velocity[smooth].max(initial=0.0)),
         arrival=float(position[-1]),
         local=local,
         energy_drift=_energy_drift(problem, path, q, v, smooth, units.v),
-        reference_error=again(start, LOOSER_TOL, SHORTER_STEPS),
+        reference_error=again(about, start, LOOSER_TOL, SHORTER_STEPS),
         allowed=allowed,
-        amplified=again(_perturb(problem, start, units, allowed), 1.0, 1.0) if changed else 0.0,
+        amplified=again(motion, disturbed, 1.0, 1.0) if changed else 0.0,
         path=path,
     )
     doubted = local > allowed or found._is_unbalanced

@@ -74,6 +74,11 @@ class NumericLaws(Laws):
 
     def mass_matrix(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return M = d2L/dv dv, shape (n, n, K) or (n, n)."""
+        if self.has_diagonal_mass and not self.m:
+            mass, own = self._at("even_motion", q, v, t, parameters)[0], np.arange(self.n)
+            M = np.zeros((self.n, *mass.shape))
+            M[own, own] = mass
+            return M
         M = self._at("motion", q, v, t, parameters)[0]
         return M.reshape(self.n, self.n, *M.shape[1:])
 
@@ -83,7 +88,7 @@ class NumericLaws(Laws):
 
     def constraint_jacobian(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return G = df/dq, shape (m, n, K) or (m, n)."""
-        if self.order > 1:
+        if self.order > 1 or not self.m:
             arguments, single = self.arguments(q, NO_VELOCITY, t, parameters)
             jacobian = self.pointwise("constraint_jacobian")
             G = jacobian.full(0, jacobian(*arguments)[0])
