@@ -8,7 +8,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis.quadratic import assembled
+from actionopt.analysis.quadratic import assembled, sensitivity
 from actionopt.analysis.quadratic.assembled import AssembledForm, assemble, is_convex
 from actionopt.analysis.quadratic.jacobi import resolve
 from actionopt.analysis.spectra import modes
@@ -62,11 +62,60 @@ def test_lowest_modes_take_one_factorization_just_below_them(solution, monkeypat
     form = assemble(solution.discrete, solution.error, 1e-8)
     assert form is not None
     least = (np.pi / T) ** 2 - SPEEDS.max() ** 2
-    assert 0 < least - form.bound(np.ones(N)) - 0.01 * (np.pi / T) ** 2 < 0.02
+    assert 0 < least - form.bound(np.ones(N)) - 1e-4 * (np.pi / T) ** 2 < 0.02
     solver, shifts = modes._Assembled.solver, []
     monkeypatch.setattr(modes._Assembled, "solver", lambda x, s: shifts.append(s) or solver(x, s))
     assert modes._Assembled(form, np.ones(N)).lowest(2, 1)[0][0] == pytest.approx(least)
     assert shifts == [form.bound(np.ones(N))]
+
+
+def test_a_mesh_that_is_known_to_be_too_coarse_is_not_tried_again(solution, monkeypatch):
+    """Index, modes and derivatives of one path begin on its mesh, with the same random fields."""
+    assert assemble(solution.discrete, solution.error, 1e-4) is not None
+    monkeypatch.setattr(AssembledForm, "fields", lambda form: pytest.fail("fields again"))
+    form = assemble(solution.discrete, solution.error, 1e-4)
+    assert form is not None and form.at.mesh is solution.mesh
+
+
+MASSES = 90
+
+
+def far_apart(weak):
+    """Return a form of a motion of many masses; springs beside that in the middle are weak."""
+    springs = np.ones(MASSES - 1)
+    springs[MASSES // 2 - 1 : MASSES // 2 + 1] = weak
+
+    def lagrangian(q, v, t):
+        d = q[1:] - q[:-1]
+        return (v @ v - springs @ d**2 - springs @ d**4 / 2) / 2
+
+    system = ao.System(lagrangian, [f"u{j}" for j in range(MASSES)])
+    ends = np.sin(np.arange(MASSES)), np.cos(np.arange(MASSES))
+    known = ao.solve(ao.Problem(system, ao.Event(0.0, ends[0]), ao.Event(0.5, ends[1])))
+    form = assemble(known.discrete, known.error, 1e-5)
+    assert form is not None
+    return form
+
+
+@pytest.mark.long
+def test_columns_of_moves_that_are_felt_by_neighbours_alone_are_found_as_one(monkeypatch):
+    form, moved = far_apart(1.0), [np.eye(MASSES)] * 2
+    exact, asked, along = sensitivity._along(form, moved, moved), [], sensitivity._along
+    assert exact is not None
+
+    def counted(form, moved, by):
+        asked.append(moved[0].shape[1])
+        return along(form, moved, by)
+
+    monkeypatch.setattr(sensitivity, "_along", counted)
+    found = sensitivity._by_groups(form, moved)
+    np.testing.assert_allclose(found, exact, atol=1e-14 * np.abs(exact).max())
+    assert sum(asked) < MASSES / 2
+
+
+def test_columns_are_not_grouped_where_moves_are_felt_farther_than_that_in_the_middle():
+    form, moved = far_apart(1e-8), [np.eye(MASSES)] * 2
+    assert sensitivity._by_groups(form, moved) is None
 
 
 @pytest.mark.long

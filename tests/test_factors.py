@@ -11,6 +11,7 @@ from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.matrices.blocks import Condensed
 from actionopt.discrete.matrices.factors import (
     Factors,
+    SparseFactors,
     diagonal,
     full,
     kkt_nonzeros,
@@ -434,6 +435,17 @@ def test_several_right_hand_sides_are_solved_as_one_is(name):
     alone = np.linalg.solve(dense, right)
     found = Factors(layout, nonzeros).solve_many(right)
     assert np.abs(found - alone).max() <= 1e-9 * np.abs(alone).max()
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_columns_of_a_sparse_matrix_are_solved_at_once(monkeypatch, count):
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.FILLED", 1.0)
+    layout, nonzeros, dense = matrix_of("plain", ("sparse", 12))
+    right = np.random.default_rng(3).standard_normal((layout.size, count))
+    found, exact = SparseFactors(layout, nonzeros).solve(right), np.linalg.solve(dense, right)
+    assert found.shape == right.shape
+    assert np.abs(found - exact).max() <= 1e-9 * np.abs(exact).max()
 
 
 def test_matrices_of_casadi_have_the_numbers_that_are_given():

@@ -44,6 +44,7 @@ RANDOM_FIELDS = 4  # between random ends of an element: each has a part of all J
 # Numbers of right-hand sides that are solved for at once, 1 MB, of which a sparse solver holds some
 # copies, and how many at least: they share a factorization. Measured: from 2 to 4 MB flat.
 SOLVED_AT_ONCE, FEWEST_SOLVED = 2**17, 16
+BOUND_LEFT = 1e-4  # of the slowest motion: with such a shift values keep twelve digits. Derived
 EVEN_UNITS = 10.0  # how far units of coordinates may be from those of equal inertia
 
 
@@ -224,8 +225,13 @@ class AssembledForm:
             return stiffness - float(sums[0].max() * sums[1].max() / least)
         pinned = [len(event.pinned) for event in (tr.problem.start, tr.problem.end)]
         slowest = np.pi / tr.problem.duration / (1 if min(pinned) == system.n else 2)
-        # A hundredth is left: the bound would be an eigenvalue where L_qq and L_vv are constant.
-        return stiffness + 0.99 * slowest**2 * max(mass, 0.0)
+        # A little is left: the bound would be an eigenvalue where L_qq and L_vv are constant.
+        return stiffness + (1 - BOUND_LEFT) * slowest**2 * max(mass, 0.0)
+
+    @cached_property
+    def couplings(self) -> tuple[Coupling, Coupling]:
+        """Those of the first node and of the last one."""
+        return self.coupling(0), self.coupling(-1)
 
     def coupling(self, k: int) -> Coupling:
         """Return how dS/dq at all nodes, (K n,), changes with the place (n,) of an end of the path.
@@ -270,19 +276,24 @@ class Coupling:
     cols: NDInt
     values: Array
 
-    @property
+    @cached_property
     def transpose(self) -> Coupling:
         """The transposed matrix."""
         return Coupling(self.cols, self.rows, self.values)
 
+    @cached_property
+    def _by_row(self) -> tuple[Coupling, NDInt]:
+        """The same, row by row, and where each row begins."""
+        order = np.argsort(self.rows, kind="stable")
+        found = Coupling(self.rows[order], self.cols[order], self.values[order, None])
+        return found, np.flatnonzero(np.diff(found.rows, prepend=-1))
+
     def times(self, v: Array, height: int) -> Array:
         """Return the matrix, of so many rows, times the columns of v, (height, c)."""
-        order = np.argsort(self.rows, kind="stable")
-        rows, cols, values = self.rows[order], self.cols[order], self.values[order, None]
-        first = np.flatnonzero(np.diff(rows, prepend=-1))
+        by, first = self._by_row
         found = np.zeros((height, v.shape[1]))
-        for some in in_parts(v.shape[1], rows.size):
-            found[rows[first], some] = np.add.reduceat(values * v[cols, some], first)
+        for some in in_parts(v.shape[1], by.rows.size):
+            found[by.rows[first], some] = np.add.reduceat(by.values * v[by.cols, some], first)
         return found
 
 
@@ -316,29 +327,34 @@ def assemble(
     if not is_plain(first):
         return None
     at = _in_even_units(first)
-    if form is None or form.at is not at:
-        form = on_mesh(at, error)
+    form = None if form is None or form.at is not at else form
     for _ in range(FIELD_ROUNDS):
-        if form is None:
-            return None
         mesh, Q = at.mesh, at.Q / at.tr.lengths
-        try:
-            tail = tails(mesh, form.fields())
-        except np.linalg.LinAlgError:
-            return None
-        if not np.isfinite(tail).all():
-            return None
-        tail = np.maximum(tail, FIELDS_TO_COEFFICIENTS * coefficients_left_out(at))
+        key = mesh.degrees, mesh.boundaries.tobytes()
+        tail = at.left_out.get(key)
+        if tail is None:
+            form = form or on_mesh(at, error)
+            if form is None:
+                return None
+            try:
+                tail = tails(mesh, form.fields())
+            except np.linalg.LinAlgError:
+                return None
+            if not np.isfinite(tail).all():
+                return None
+            tail = np.maximum(tail, FIELDS_TO_COEFFICIENTS * coefficients_left_out(at))
+            at.left_out[key] = tail
         if polish:
             tail = np.maximum(tail, tails(mesh, [Q[g.nodes] for g in mesh.groups]))
         finer = refine_where(mesh, tail, fields)
-        if finer is None and not polish:
-            return form
-        at = _polish(form) if finer is None else at.on(finer, first.multipliers(finer.nodes))
-        form = None  # before the next is made
         if finer is None:
+            form = form or on_mesh(at, error)
+            if form is None or not polish:
+                return form
+            at = _polish(form)
             return AssembledForm(at, at.tr.kkt(at.z))
-        form = on_mesh(at, error)
+        form = None  # before the next is made
+        at = at.on(finer, first.multipliers(finer.nodes))
     return None
 
 
@@ -402,8 +418,7 @@ def _in_even_units(at: DiscretePath) -> DiscretePath:
     size = tr.lengths * np.sqrt(np.where(mass > 0, mass, 1.0))
     if not size.max() > EVEN_UNITS * size.min():
         return at
-    units = tr.lengths * (size.max() / size)
-    return DiscretePath.of(tr.problem, at.path, at.rows_on(at.mesh), units)
+    return at.in_units(tr.lengths * (size.max() / size))
 
 
 def is_convex(at: DiscretePath) -> bool:

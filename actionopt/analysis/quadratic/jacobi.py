@@ -28,12 +28,12 @@ from actionopt.discrete.borders.bordered import equations_of
 from actionopt.discrete.borders.borders import moves_of
 from actionopt.discrete.matrices.factors import Factors
 from actionopt.discrete.matrices.layout import border_matrix
-from actionopt.discrete.meshes.mesh import MAX_DEGREE, Mesh
+from actionopt.discrete.meshes.mesh import MAX_DEGREE, Group, Mesh
 from actionopt.discrete.meshes.resolution import SHORTEST
 from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.discrete.newton.newton import follow
-from actionopt.tools.lobatto import lgl
-from actionopt.tools.types import Array
+from actionopt.tools.lobatto import Rule, lgl
+from actionopt.tools.types import Array, NDInt
 
 # Ad hoc, where nothing else is said.
 FIELD_ROUNDS = 12  # of refinement: a singularity is found out by then, see `SHORTEST`
@@ -252,36 +252,50 @@ def coefficients_left_out(at: DiscretePath) -> Array:
     """Return what each element's degree leaves out of the coefficients of d2S, (N,).
 
     Relative to L_vv, with the element's length as the unit of time. They are sampled between the
-    nodes: at the nodes alone, what varies faster looks smooth.
+    nodes: at the nodes alone, what varies faster looks smooth. Once for a curve and an element.
     """
-    tr, mesh, n = at.tr, at.mesh, at.problem.system.n
+    mesh, known = at.mesh, at.left_out
     least, tail = -(-COEFFICIENT_SAMPLES // mesh.elements), np.zeros(mesh.elements)
     for g in mesh.groups:
         if any(g.rule.ends):  # infinite coefficients are no polynomials; the fields tell
             continue
         fine = lgl(min(max(2 * g.rule.degree + 2, least), 2 * MAX_DEGREE + 2))
-        weights = g.rule.interpolation(fine.nodes)
-        h = mesh.lengths[g.elements]
-        q = weights @ at.Q[g.nodes]
-        v = (weights @ g.rule.derivative) @ at.Q[g.nodes] * (2 / h)[:, None, None]
-        middle = (mesh.since[g.elements] + mesh.since[g.elements + 1]) / 2
-        t = mesh.boundaries[0] + (middle[:, None] + h[:, None] / 2 * fine.nodes)
-        entries = coefficient_entries(
-            tr.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1)
-        )
-        shape = g.elements.size, fine.degree + 1, -1
-        (row, col, C), mass = entries[2], np.zeros((g.elements.size, n))
-        own = row == col
-        mass[:, row[own]] = np.abs(C.reshape(shape)[:, :, own]).max(axis=1)
-        mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=1, keepdims=True)))
-        for (row, col, X), power in zip(entries, (2, 1, 0), strict=True):
-            if not row.size:
-                continue
-            size = (mass[:, row] * mass[:, col])[:, None]
-            table = X.reshape(shape) / size * h[:, None, None] ** power
-            with np.errstate(invalid="ignore"):  # infinite ones are not resolved
-                beyond = np.abs(fine.to_legendre[max(g.rule.degree - 1, 0) :] @ table)
-            beyond = np.nan_to_num(beyond, nan=np.inf).max(axis=(1, 2))
-            noise = COEFFICIENT_NOISE * np.abs(table).max(axis=(1, 2))
-            tail[g.elements] = np.maximum(tail[g.elements], np.where(beyond <= noise, 0.0, beyond))
+        ends = mesh.since[g.elements], mesh.since[g.elements + 1]
+        keys = [(fine.degree, *both) for both in zip(*(x.tolist() for x in ends), strict=True)]
+        if new := [e for e, key in enumerate(keys) if key not in known]:
+            found = _coefficient_sizes(at, g, np.array(new), fine)
+            known.update(zip([keys[e] for e in new], found, strict=True))
+        first = max(g.rule.degree - 1, 0)
+        tail[g.elements] = [known[key][first:].max() for key in keys]
     return tail
+
+
+def _coefficient_sizes(at: DiscretePath, g: Group, new: NDInt, fine: Rule) -> Array:
+    """Return the largest Legendre coefficients of those of d2S on some elements of a group, (E, k).
+
+    By the degree; zero where they are round-off.
+    """
+    mesh, n, elements = at.mesh, at.problem.system.n, g.elements[new]
+    weights, h = g.rule.interpolation(fine.nodes), mesh.lengths[elements]
+    q = weights @ at.Q[g.nodes[new]]
+    v = (weights @ g.rule.derivative) @ at.Q[g.nodes[new]] * (2 / h)[:, None, None]
+    middle = (mesh.since[elements] + mesh.since[elements + 1]) / 2
+    t = mesh.boundaries[0] + (middle[:, None] + h[:, None] / 2 * fine.nodes)
+    entries = coefficient_entries(at.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1))
+    shape = new.size, fine.degree + 1, -1
+    (row, col, C), mass = entries[2], np.zeros((new.size, n))
+    own = row == col
+    mass[:, row[own]] = np.abs(C.reshape(shape)[:, :, own]).max(axis=1)
+    mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=1, keepdims=True)))
+    found = np.zeros(shape[:2])
+    for (row, col, X), power in zip(entries, (2, 1, 0), strict=True):
+        if not row.size:
+            continue
+        size = (mass[:, row] * mass[:, col])[:, None]
+        table = X.reshape(shape) / size * h[:, None, None] ** power
+        with np.errstate(invalid="ignore"):  # infinite ones are not resolved
+            sizes = np.abs(fine.to_legendre @ table).max(axis=2)
+        sizes = np.nan_to_num(sizes, nan=np.inf)
+        noise = COEFFICIENT_NOISE * np.abs(table).max(axis=(1, 2))[:, None]
+        found = np.maximum(found, np.where(sizes <= noise, 0.0, sizes))
+    return found

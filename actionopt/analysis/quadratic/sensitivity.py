@@ -38,11 +38,14 @@ from actionopt.mechanics.system import System
 from actionopt.tools.blas import one_thread
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
-from actionopt.tools.types import RANK, Array
+from actionopt.tools.types import EPS, RANK, Array
 
 # What the mesh leaves out of Jacobi fields; derived: second derivatives converge twice as fast, to
 # 1e-10. Measured: along paths known to 1e-8, some at rest, off by 4e-11 at most, as with 1e-8 here.
 SENSITIVITY_RESOLUTION = 1e-5
+# Coordinates from which on columns may be grouped, how many times fewer these are to be, and what
+# they may have in common, of the largest: some round-off. Ad hoc.
+GROUPED, FEWER, FELT = 80, 2, 16 * EPS
 
 
 @immutable
@@ -285,15 +288,69 @@ def _second_alone(at: DiscretePath, error: float) -> tuple[Array, Array, Array]:
 
 def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
     """Return the second derivatives, what is between the ends eliminated; None if that fails."""
-    at, tr, layout = form.at, form.at.tr, form.at.tr.layout
-    problem, m = at.problem, at.problem.system.m
-    ends, unknowns = [0, layout.node_count - 1], layout.unknowns
-    t, units = tr.mesh.nodes[ends, None], (tr.x_unit / tr.action_unit)[:, None]
+    at, tr, problem = form.at, form.at.tr, form.at.problem
+    ends, m = [0, tr.layout.node_count - 1], problem.system.m
+    t = tr.mesh.nodes[ends, None]
     planes = tangent(problem, at.Q[ends], t, tr.lengths) * tr.lengths[:, None]
     given = problem.start.pinned, problem.end.pinned
     allowed = (plane if m else plane[:, list(k)] for plane, k in zip(planes, given, strict=True))
     first, last = moved = [np.linalg.qr(plane)[0] for plane in allowed]
-    couplings, parts, missed = [form.coupling(k) for k in (0, -1)], [], []
+    hessian = _by_groups(form, moved)
+    hessian = _along(form, moved, moved) if hessian is None else hessian
+    if hessian is None:
+        return None
+    cut = first.shape[1]
+    return (
+        first @ hessian[:cut, :cut] @ first.T,
+        first @ hessian[:cut, cut:] @ last.T,
+        last @ hessian[cut:, cut:] @ last.T,
+    )
+
+
+def _by_groups(form: AssembledForm, moved: list[Array]) -> Array | None:
+    """Return what `_along` does where a move of one coordinate is felt by those next to it alone.
+
+    Columns that have nothing in common are found as one: A. R. Curtis, M. J. D. Powell and
+    J. K. Reid, *J. Inst. Maths Applics* 13 (1974), p. 117. None where it is felt too far.
+    """
+    system = form.at.problem.system
+    n, second, place = system.n, system.pointwise("second"), np.arange(system.n)
+    width = max(int(np.abs(np.subtract(*second.sparsity(k))).max(initial=1)) for k in range(3))
+    if system.m or n < GROUPED * width or moved[0].shape != moved[1].shape:
+        return None
+
+    def ask(columns: Array) -> Array | None:
+        found = _along(form, [plane @ columns for plane in moved], moved)
+        return None if found is None else found.reshape(2, n, 2, -1)
+
+    middle = n // 2
+    one = ask(np.eye(n)[:, [middle]])
+    if one is None:
+        return None
+    units = form.at.tr.lengths  # in which inertias are even
+    size = np.abs(one).max(axis=(0, 2, 3)) * units
+    reach = int(np.abs(place - middle)[size > EPS * size.max()].max()) + width
+    apart = 2 * reach + 1
+    if n < FEWER * apart or (found := ask(np.eye(apart)[place % apart])) is None:
+        return None
+    found, away = found[..., place % apart], np.abs(place[:, None] - place)[:, None]
+    size = np.abs(found) * units[:, None, None] * units
+    # What is felt at the edges of what counts as near is felt beyond, too.
+    edges = (away > reach - width) & (away <= reach)
+    if not (size * edges).max() <= FELT * size.max():
+        return None
+    return (found * (away <= reach)).reshape(2 * n, 2 * n)
+
+
+def _along(form: AssembledForm, moved: list[Array], by: list[Array]) -> Array | None:
+    """Return d2S by moves of the ends, (n, c) each, and moves `by` which its rows are.
+
+    None where what is between the ends is singular.
+    """
+    at, tr, layout = form.at, form.at.tr, form.at.tr.layout
+    ends, unknowns = [0, layout.node_count - 1], layout.unknowns
+    units = (tr.x_unit / tr.action_unit)[:, None]
+    couplings, parts, missed = form.couplings, [], []
     for k, plane in enumerate(moved):
         for some in some_columns(plane.shape[1], layout.size):
             forces = couplings[k].times(plane[:, some], at.Q.size)
@@ -313,17 +370,12 @@ def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
             if layout.rows:
                 left = [product(layout, form.matrix, column) for column in between.T]
                 missed.append((between, loads - np.stack(left, axis=1)))
-            parts.append(np.concatenate([p.T @ x for p, x in zip(moved, by_ends, strict=True)]))
+            parts.append(np.concatenate([p.T @ x for p, x in zip(by, by_ends, strict=True)]))
     hessian = np.concatenate(parts, axis=1)
     if missed:  # the factors are off by 1e-10, and this by the square of it
         between, left = (np.concatenate(x, axis=1) for x in zip(*missed, strict=True))
         hessian -= tr.action_unit * between.T @ left
-    cut = first.shape[1]
-    return (
-        first @ hessian[:cut, :cut] @ first.T,
-        first @ hessian[:cut, cut:] @ last.T,
-        last @ hessian[cut:, cut:] @ last.T,
-    )
+    return hessian
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:

@@ -500,7 +500,8 @@ class SparseFactors:
         if right.ndim == 1 and factors is None:
             return _solver(layout, "ldl")(self._values, right)
         if factors is None or (right.ndim > 1 and factors[1].nnz() < COLUMN_FACTORS * layout.size):
-            return _solver(layout, "ldl", right.shape[1])(self._values, right.T).T
+            found = _solver(layout, "ldl", right.shape[1])(self._values, right.T)
+            return found.T.reshape(right.shape)
         right = right if self._order is None else right[self._order]
         found = read(ca.ldl_solve(_columns(layout, right), *factors)).reshape(right.shape)
         if self._order is None:

@@ -99,6 +99,11 @@ class DiscretePath:
         return Path(self.mesh, self.Q.T, passed=passed)
 
     @cached_property
+    def left_out(self) -> dict[tuple, Array]:
+        """What is known of the sizes of d2S and its fields along the curve, on whatever mesh."""
+        return {}
+
+    @cached_property
     def rates(self) -> list[Array]:
         """The derivatives up to that of the Lagrangian's order at the nodes, (K, n) each."""
         place, layout = self.tr.place(self.x), self.tr.layout
@@ -165,7 +170,18 @@ class DiscretePath:
         Multipliers lam (K, m) at the new nodes that are not given are interpolated, linearly.
         """
         tr = Transcription(self.problem, mesh, self.tr.lengths)
-        return DiscretePath(tr, tr.pack(self.path.on(mesh).values.T, self.rows_on(mesh, lam)))
+        z = tr.pack(self.path.on(mesh).values.T, self.rows_on(mesh, lam))
+        return self._as_seen_in(DiscretePath(tr, z))
+
+    def in_units(self, lengths: Array) -> DiscretePath:
+        """Return the path on its mesh, in other units of length (n,)."""
+        rows = self.rows_on(self.mesh)
+        return self._as_seen_in(DiscretePath.of(self.problem, self.path, rows, lengths))
+
+    def _as_seen_in(self, other: DiscretePath) -> DiscretePath:
+        """Return another path of the same curve, with what is known of that."""
+        other.__dict__["left_out"] = self.left_out
+        return other
 
     def rows_on(self, mesh: Mesh, lam: Array | None = None) -> Array | None:
         """Return the multipliers `lam` or, interpolated, these at the nodes of `mesh`, (K, m)."""
