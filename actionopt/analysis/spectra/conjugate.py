@@ -38,7 +38,9 @@ from actionopt.tools.blas import one_thread
 from actionopt.tools.lobatto import RESTING, Sampling, lgl
 from actionopt.tools.types import EPS, Array, NDInt
 
-CONJUGATE_RESOLUTION = 1e-9  # of Jacobi fields and path; ad hoc, below `SAME_ROOT`
+# Of Jacobi fields and path. Measured: of 39 systems times are off by 9e-11 of the duration at most;
+# of two chains under constraints by 3e-8, as with 1e-9.
+CONJUGATE_RESOLUTION = 1e-7
 # How far the number of phases that passed pi may be from whole, of what surely tells it; the degree
 # whose integrals tell it; the angle that tangents are of, in no ratio to pi: where some phases are
 # at a right angle to it they lose digits. All ad hoc.
