@@ -110,17 +110,17 @@ def nonfinite(problem: Any, q: Array, t: float, rates: Array) -> str:
 
     Of L, its derivatives and the force; velocities are of the size of `rates` (n,), and smaller.
     """
-    system, n = problem.system, problem.system.n
-    waves = np.cos(np.arange(1.0, 1 + CHECKED_VELOCITIES * n)).reshape(CHECKED_VELOCITIES, n)
-    v = waves * rates * np.logspace(0, -6, CHECKED_VELOCITIES)[:, None]  # some stay below a limit
-    known = first_state(system, np.repeat(q[None], CHECKED_VELOCITIES, axis=0), v)
-    state = *known, np.full((CHECKED_VELOCITIES, 1), t), problem.packed
-    with np.errstate(all="ignore"):
-        values = system.pointwise("first")(*state)[::-1]
-        if system.structure.forced:
-            values = values + system.pointwise("force")(*state)
-    finite = [np.isfinite(x).all(axis=1) for x in values]
-    if np.logical_and.reduce(finite).any():
-        return ""
-    names = ("L", "dL/dv", "dL/dq", "the force")[: len(values)]
-    return next((x for x, good in zip(names, finite, strict=True) if not good.any()), "L")
+    system, n, finite = problem.system, problem.system.n, list[list[bool]]()
+    for k in range(CHECKED_VELOCITIES):
+        size = 10.0 ** (-6 * k / (CHECKED_VELOCITIES - 1))  # some stay below a limit
+        v = np.cos(np.arange(1.0 + k * n, 1 + (k + 1) * n)) * rates * size
+        state = *first_state(system, q[None], v[None]), np.full((1, 1), t), problem.packed
+        with np.errstate(all="ignore"):
+            values = system.pointwise("first")(*state)[::-1]
+            if system.structure.forced:
+                values = values + system.pointwise("force")(*state)
+        finite.append([bool(np.isfinite(x).all()) for x in values])
+        if all(finite[-1]):
+            return ""
+    names, known = ("L", "dL/dv", "dL/dq", "the force"), zip(*finite, strict=True)
+    return next((x for x, good in zip(names, known, strict=False) if not any(good)), "L")
