@@ -80,12 +80,14 @@ def integrate(
     track: list | None = None,
     watch: Callable[[int], None] | None = None,
     patient: bool = False,
+    arrived: Callable[[NDInt, Array, Array], Array] | None = None,
 ) -> tuple[Array, Array]:
     """Return (q, v) of motions after the times `span` (K,), back in time where it is negative.
 
     They start at `start`, times (K,), coordinates and velocities (n, G, K), and make no more than
-    `steps` steps; `watch` is called before each, with the steps up to it. The rest is as for
-    `flown`.
+    `steps` steps; `watch` is called before each, with the steps up to it. They end before where
+    `arrived` says so, of the motions that made a step, which they are, where (n, A) and when (A,).
+    The rest is as for `fly`.
     """
     begin, q0, v0 = start
     n, group, count = v0.shape
@@ -134,7 +136,10 @@ def integrate(
             h[live] = step * np.clip(0.9 * (size + 1e-12) ** -0.2, 0.1, 5.0)
             if track is not None:
                 track.append((begin + way * t, q[:, 0].copy(), v[:, 0].copy()))
-            live = live[~lost & (t[live] < T[live] * (1 - 1e-12))]
+            going = ~lost & (t[live] < T[live] * (1 - 1e-12))
+            if arrived is not None:
+                going[good] &= ~arrived(kept, q[:, 0, kept], begin[kept] + way[kept] * t[kept])
+            live = live[going]
     short = t < T * (1 - 1e-12)
     q[:, :, short] = v[:, :, short] = np.nan
     return q, v

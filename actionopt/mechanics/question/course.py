@@ -26,7 +26,7 @@ from actionopt.mechanics.laws.identity import general_points, vanishes
 from actionopt.mechanics.laws.laws import keep
 from actionopt.mechanics.laws.tracing import STATE, SWITCHES, Symbols
 from actionopt.mechanics.question.events import RATES, Bounce, Event, Periodic
-from actionopt.mechanics.question.surface import SURFACE_TOLERANCE, with_surface
+from actionopt.mechanics.question.surface import SURFACE_TOLERANCE, Surface, with_surface
 from actionopt.mechanics.system import System
 from actionopt.tools.shown import brief
 from actionopt.tools.types import Array
@@ -124,7 +124,14 @@ def check_course(problem: Any) -> tuple[Event, ...]:
 
     Raises ValueError where they do not fit the rest of the question.
     """
-    found = [_check_event(problem, k, event) for k, event in enumerate(problem.through)]
+    found: list[Event] = []
+    surfaces: dict[int, Surface] = {}  # what is met several times is traced once
+    for k, event in enumerate(problem.through):
+        on = getattr(event, "on", None)
+        known = event._replace(on=surfaces[id(on)]) if id(on) in surfaces else event
+        found.append(_check_event(problem, k, known))
+        if on is not None:
+            surfaces[id(on)] = found[-1].on
     known = [(e.t, i) for i, e in enumerate((problem.start, *found, problem.end))]
     times = [x for x in known if x[0] is not None]
     for (a, _), (b, i) in pairwise(times):

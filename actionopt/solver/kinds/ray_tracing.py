@@ -27,6 +27,8 @@ from actionopt.tools.types import Array, NDInt
 RAYS = 400  # motions of a round
 RAY_SPEEDS = 4.0  # times faster and slower than what is expected, of the first motions
 RAY_LATE = 4.0  # times the duration: no motion lasts longer
+# Of the sizes, and of how far a motion would come without forces: what is carried farther is lost.
+RAY_FAR = 1e3
 RAY_SLOWER = 0.5  # a factor e of the duration costs as much as that part of the coordinates' sizes
 RAY_STEPS = 150  # of a motion between two events, at most
 # Along it, and a step, at least, at which surfaces are looked for.
@@ -51,29 +53,40 @@ class Track:
 
     def at(self, i: NDInt, k: NDInt, t: Array) -> tuple[Array, Array]:
         """Return q and v (..., n) of motions k after step i at times t, all (...,): cubics."""
-        t0, t1 = self.times[i, k], self.times[i + 1, k]
-        h = np.where(t1 > t0, t1 - t0, 1.0)[..., None]
-        s = (t - t0)[..., None] / h
-        a, b, va, vb = self.q[i, k], self.q[i + 1, k], self.v[i, k], self.v[i + 1, k]
-        rise = s * s * (3 - 2 * s)
-        q = a + (b - a) * rise + h * s * ((1 - s) ** 2 * va - s * (1 - s) * vb)
-        slope = 6 * s * (1 - s) / h
-        v = slope * (b - a) + (1 - s) * (1 - 3 * s) * va - s * (2 - 3 * s) * vb
-        return q, v
+        h = (self.times[i + 1, k] - self.times[i, k])[..., None]
+        s = (t - self.times[i, k])[..., None] / np.where(h > 0, h, 1.0)
+        return _cubic(s, h, (self.q[i, k], self.q[i + 1, k]), (self.v[i, k], self.v[i + 1, k]))
 
     def step(self, t: Array) -> NDInt:
         """Return the step in which each of the motions is at times t (..., K)."""
         i = np.sum(self.times <= t[..., None, :], axis=-2) - 1
         return np.clip(i, 0, len(self.times) - 2)
 
-    def samples(self) -> tuple[NDInt, Array]:
-        """Return the step (P,) and the time (P, K) of samples along the motions."""
+    def samples(self) -> tuple[NDInt, Array, Array, Array]:
+        """Return samples along motions: steps (P,), times (P, K), q and v (P, K, n) there."""
         steps = len(self.times) - 1
         each = max(-(-RAY_SAMPLES // steps), STEP_SAMPLES)
-        i = np.repeat(np.arange(steps), each)
-        part = np.tile(np.arange(each) / each, steps)[:, None]
-        t = self.times[i] + part * (self.times[i + 1] - self.times[i])
-        return np.append(i, steps - 1), np.concatenate([t, self.times[-1:]])
+        s = (np.arange(each) / each)[:, None, None]
+        h = np.diff(self.times, axis=0)[:, None, :, None]
+        ends = self.q[:-1], self.q[1:], self.v[:-1], self.v[1:]
+        a, b, va, vb = (x[:, None] for x in ends)
+        within = (self.times[:-1, None, :, None] + s * h)[..., 0], *_cubic(s, h, (a, b), (va, vb))
+        last = self.times[-1], self.q[-1], self.v[-1]
+        t, q, v = (
+            np.concatenate([x.reshape(steps * each, *y.shape), y[None]])
+            for x, y in zip(within, last, strict=True)
+        )
+        return np.append(np.repeat(np.arange(steps), each), steps - 1), t, q, v
+
+
+def _cubic(
+    s: Array, h: Array, ends: tuple[Array, Array], rates: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return q and v at parts s of steps of the length h, which may vanish, from those at ends."""
+    (a, b), (va, vb) = ends, rates
+    q = a + (b - a) * (s * s * (3 - 2 * s)) + h * s * ((1 - s) ** 2 * va - s * (1 - s) * vb)
+    slope = 6 * s * (1 - s) / np.where(h > 0, h, 1.0)
+    return q, slope * (b - a) + (1 - s) * (1 - 3 * s) * va - s * (2 - 3 * s) * vb
 
 
 class TracedRays(NamedTuple):
@@ -145,7 +158,7 @@ class RayTracer:
             legs.append(Problem(law, *ends, parameters=values))
         walls: list[list[int]] = [[] for _ in legs]
         for joint, leg, sign in sides(problem):
-            if sign:
+            if sign and all(at.joints[k].on is not at.joints[joint].on for k in walls[leg]):
                 walls[leg].append(joint)
         return cls(at, legs, walls, size, span, timed)
 
@@ -212,11 +225,11 @@ class RayTracer:
         places[:, 0], times[:, 0] = q, t
         cost, tracks = np.full(count, np.inf), []
         live = np.flatnonzero(np.isfinite(u).all(axis=1))
-        for j, leg in enumerate(self.legs):
+        for j in range(len(self.legs)):
             if not live.size:
                 break
             state = q[live], v[live], t[live]
-            track = self._track(leg, *state)
+            track = self._track(j, *state)
             tracks.append((track, live))
             left = EVENT_MISSED * (len(self.legs) - 1 - j)
             if j + 1 == len(self.legs):
@@ -238,13 +251,33 @@ class RayTracer:
             q[live], v[live], t[live] = q_met[goes], later[goes], at[goes]
         return TracedRays(u, places, times, cost, tracks)
 
-    def _track(self, leg: Problem, q: Array, v: Array, t: Array) -> Track:
-        """Return motions from states q, v (K, n) and t (K,) until they are too late."""
+    def _track(self, leg: int, q: Array, v: Array, t: Array) -> Track:
+        """Return motions of a leg from states q, v (K, n) and t (K,), until they are too late.
+
+        Or until a step ends behind a wall or the next event: it is known then whether that is met.
+        Or until forces have carried them far away, as to infinity.
+        """
+        last, walls = leg + 1 == len(self.legs), list(self.walls[leg])
+        passed = None if last or isinstance(self.at.joints[leg + 1], Bounce) else leg + 1
+        side, begun = np.zeros(t.size), q
+        far = RAY_FAR * (1 + np.abs(v / self.size).max(axis=1) * RAY_LATE * self.span)
+
+        def arrived(which: NDInt, q: Array, t: Array) -> Array:
+            done = np.abs((q.T - begun[which]) / self.size).max(axis=1) > far[which]
+            for joint in walls:
+                done |= ~(self._on(joint, q.T, t) > 0)
+            if passed is not None:
+                here = np.sign(self._on(passed, q.T, t))
+                done |= here * side[which] < 0
+                side[which] = here
+            return done
+
+        law = self.legs[leg]
         track: list[tuple[Array, Array, Array]] = []
         state = t, q.T[:, None], v.T[:, None]
-        span = np.maximum(leg.start.t + RAY_LATE * self.span - t, 1e-3 * self.span)
+        span = np.maximum(law.start.t + RAY_LATE * self.span - t, 1e-3 * self.span)
         with np.errstate(all="ignore"):
-            integrate(leg, state, span, steps=RAY_STEPS, track=track)
+            integrate(law, state, span, steps=RAY_STEPS, track=track, arrived=arrived)
         times = np.array([t, *(x[0] for x in track)])
         places = np.array([q, *(x[1].T for x in track)])
         rates = np.array([v, *(x[2].T for x in track)])
@@ -273,9 +306,8 @@ class RayTracer:
         Those that meet it are told by the step, the time and their numbers, (M,) each.
         """
         joint, event = leg + 1, self.at.joints[leg + 1]
-        steps, t = track.samples()
+        steps, t, q, _ = track.samples()
         columns = np.arange(t.shape[1])
-        q, _ = track.at(steps[:, None], columns[None], t)
         on = self._on(joint, q, t)
         side = np.ones(columns.size) if isinstance(event, Bounce) else np.sign(on[1])
         on = np.where(np.isfinite(on), on, -np.inf) * side
@@ -286,7 +318,8 @@ class RayTracer:
         crossed = out.any(axis=0) & (first > 1) & np.isfinite(on[first, columns])
         asked = np.isfinite(on[1:])
         for other in self.walls[leg]:
-            inside = self._on(other, q, t)[1:] > 0
+            own = self.at.joints[other].on is event.on
+            inside = on[1:] > 0 if own else self._on(other, q, t)[1:] > 0
             crossed &= inside.all(axis=0) | (np.argmin(inside, axis=0) + 1 >= first)
             asked &= np.logical_and.accumulate(inside, axis=0)
         # Where it comes nearer: what leaves a surface to return to it is next to it first.
@@ -331,9 +364,8 @@ class RayTracer:
 
         They began at places and with velocities `first`, (K, n) each.
         """
-        steps, t = track.samples()
+        _, t, q, v = track.samples()
         columns = np.arange(t.shape[1])
-        q, v = track.at(steps[:, None], columns[None], t)
         cost = self._miss(q, v, t, first)
         for other in self.walls[leg]:
             inside = np.logical_and.accumulate(self._on(other, q, t)[1:] > 0, axis=0)
@@ -433,9 +465,8 @@ class ClosedRayTracer(RayTracer):
         if not self.timed:
             return super()._arrive(leg, track, first)
         at = np.full(len(first[0]), self.legs[0].start.t + self.span)
-        steps, t = track.samples()
+        _, t, between, _ = track.samples()
         columns = np.arange(at.size)
-        between, _ = track.at(steps[:, None], columns[None], t)
         q, v = track.at(track.step(at), columns, at)
         cost = np.where(track.times[0] < at, self._miss(q, v, at, first), EVENT_MISSED)
         for other in self.walls[leg]:

@@ -134,7 +134,8 @@ def _all_round(
                 break
             first[:, -tracer.size.size :] *= SPAN_FACTOR  # a force carries all of them back
             batch = tracer.follow(first)
-        return tracer, tracer.follow(tracer.in_time(batch))
+        u = tracer.in_time(batch)
+        return tracer, batch if u is batch.u else tracer.follow(u)
     # What straight lines take says little of how long motions take that return to a surface.
     other = tracer
     for _ in range(LONGER_SPANS if longer else 0):
