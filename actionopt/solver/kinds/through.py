@@ -177,10 +177,11 @@ def attempts(
 
     With a `count`, which a search for all answers gives, so many first paths of each kind are
     tried, and each answer comes once; so it does where integrals are given, as many first paths
-    lead to one. Until a closed path came of any, the first of them are tried twice: Newton's method
-    is lost in a family.
+    lead to one. What is found again on its first mesh is not refined again. Until a closed path
+    came of any, the first of them are tried twice: Newton's method is lost in a family.
     """
     seen: list[tuple[Array, Array]] = []
+    outcomes: list[tuple[Solution, str]] = []  # of those
     answers: list[Array] = []  # the places of their events
     known, once = False, count is not None or problem.integral is not None
     late = False
@@ -205,11 +206,15 @@ def attempts(
     for path, times, of_family in tries():
         started = perf_counter()
         run = Unfixed(problem, tol=tol, watch=watch, times=times)
-        status = Status.NOT_FOUND
+        status, reached = Status.NOT_FOUND, False
         try:
             if run.reach_family(path) if of_family else run.reach(path, None, damped=True):
-                if once and _repeats(run, seen):
+                again = None if of_family else _seen_before(run, seen)
+                if again is not None:
+                    if not once:
+                        yield outcomes[again]
                     continue
+                reached = not of_family
                 status = run.verdict()
         except SIGNALS as signal:
             status = status_of(signal)
@@ -243,6 +248,8 @@ def attempts(
         known = known or _is_stationary(solution)
         if solution.success:
             answers.append(solution(times_of(solution.problem)).T)
+        if reached:
+            outcomes.append((solution, why or run.hint))
         yield solution, why or run.hint
         if status is Status.OUT_OF_TIME:
             return
@@ -250,16 +257,16 @@ def attempts(
         yield replace(solution, status=Status.OUT_OF_TIME, error=np.inf), ""
 
 
-def _repeats(run: Unfixed, seen: list[tuple[Array, Array]]) -> bool:
-    """Return whether a path on its first mesh was seen before; it is from now on."""
+def _seen_before(run: Unfixed, seen: list[tuple[Array, Array]]) -> int | None:
+    """Return which path of those seen before a path on its first mesh is; None if it is new."""
     Q, times = run.here.Q, times_of(run.here.problem)
     unit, span = np.abs(Q).max(axis=0) + run.here.tr.lengths, np.ptp(times)
-    for other, at in seen:
+    for k, (other, at) in enumerate(seen):
         same = other.shape == Q.shape and np.abs(at - times).max() < SAME_FIRST * span
         if same and (np.abs(other - Q) < SAME_FIRST * unit).all():
-            return True
+            return k
     seen.append((Q.copy(), times))
-    return False
+    return None
 
 
 def _family(run: Unfixed, solution: Solution) -> int:
