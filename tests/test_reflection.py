@@ -6,6 +6,7 @@ import systems
 
 import actionopt as ao
 from actionopt.mechanics.reflection import leave
+from actionopt.solver.kinds.ray_tracing import RayTracer
 
 
 def law(lagrangian):
@@ -75,3 +76,18 @@ def test_a_path_that_is_not_reflected_as_the_law_says_is_no_motion():
     assert not off.agrees
     T = 2 / 3  # of the second leg, along which x would go on at 3.3 instead of 2.85
     assert off.position == pytest.approx((3.3 - 2.85) * T / 3, rel=1e-6)
+
+
+def test_motions_are_followed_to_the_next_event_and_no_farther():
+    wall, line = ao.Bounce(lambda q, t: 1 - q[0]), ao.Event(None, None, on=lambda q, t: q[1] - 20)
+    ends = ao.Event(0.0, [0.0, 0.0]), ao.Event(2.0, [0.0, 0.5])
+    problem = ao.Problem(systems.particle("x y"), *ends, through=[wall, line, wall])
+    assert problem.through[0].on is problem.through[2].on  # what is met twice is traced once
+    traced = RayTracer.of(problem, np.ones(2), 2.0).follow(np.array([[20.0, 50.0]]))
+    met, lasts = traced.times[0, 1:3], [track.times[-1, 0] for track, _ in traced.tracks[:2]]
+    np.testing.assert_allclose(met, [1 / 20, 20 / 50])
+    assert (met <= lasts).all() and max(lasts) < 8.0
+    forced = ao.System(lambda q, v, t: v @ v / 2 + np.exp(q[0]), ["x", "y"])  # to infinity
+    problem = ao.Problem(forced, *ends, through=[wall, line])
+    (track, _), *_ = RayTracer.of(problem, np.ones(2), 2.0).follow(np.zeros((1, 2))).tracks
+    assert track.times[-1, 0] < 8.0
