@@ -8,7 +8,7 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.tools.blas import by_each, cholesky, lu, one_thread, thread_count
+from actionopt.tools.blas import by_each, cholesky, lu, one_thread, solve_each, thread_count
 
 OSCILLATOR = systems.oscillator()
 PROBLEM = ao.Problem(OSCILLATOR, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5]))
@@ -111,3 +111,13 @@ def test_a_matrix_times_each_of_a_stack():
     for count in (2, 400):
         matrix, stack = random.standard_normal((3, 4)), random.standard_normal((count, 4, 2))
         np.testing.assert_allclose(by_each(matrix, stack), matrix @ stack, atol=1e-14)
+
+
+def test_stacks_of_matrices_are_solved_as_numpy_does_or_are_singular():
+    random = np.random.default_rng(3)
+    matrices, right = random.normal(size=(5, 3, 3)), random.normal(size=(5, 3))
+    x = solve_each(matrices, right)
+    np.testing.assert_allclose((matrices @ x[:, :, None])[:, :, 0], right, rtol=1e-12)
+    matrices[2, 1] = 0.0
+    with pytest.raises(np.linalg.LinAlgError):
+        solve_each(matrices, right)

@@ -1312,7 +1312,8 @@ def test_the_action_of_a_polygon_is_that_along_its_sides():
     problem = ao.Problem(fall, ao.Event(0, [0, 0]), ao.Event(3, [2, 1]))
     polygon = ao.Path(ao.Mesh([0.0, 1.0, 3.0], 1), np.array([[0.0, 1.0, 2.0], [0.0, 4.0, 1.0]]))
     exact = (1 + 16) / 2 + (1 + 9) / 4 - 10.31 * 2 - 2 * 11.81 * 2.5  # by its middles
-    assert least_along._action_of(problem, polygon) == pytest.approx(exact, rel=1e-14)
+    found = least_along._action_of(problem, polygon.mesh.nodes_since, polygon.values.T)
+    assert found == pytest.approx(exact, rel=1e-14)
 
 
 def test_of_linear_forces_no_momentum_is_missed_beside_an_obstacle():

@@ -177,8 +177,15 @@ INTERNAL = {
     *("Problem.active", "Problem.found_at", "Problem.in_force", "Problem.packed_of"),
     *("System.assemble", "System.laws_of", "System.of_laws"),
     *(f"{kind}.{name}" for kind in ("Event", "Periodic") for name in EVENT_PARTS),
-    *("Mesh.cut", "Mesh.divide", "Mesh.over", "Mesh.part"),
-    *("Path.carried_on", "Periodic.after", "Problem.closed_from"),
+    *("Mesh.cut", "Mesh.divide", "Mesh.over", "Mesh.part", "Mesh.with_times"),
+    *(
+        "Path.at",
+        "Path.carried_on",
+        "Path.node_velocities",
+        "Path.through",
+        "Periodic.after",
+        "Problem.closed_from",
+    ),
     *("Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
     *(
         "System.check_free",

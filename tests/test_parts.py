@@ -215,13 +215,14 @@ def test_a_string_between_free_motions_is_met_at_one_speed(length):
     t = np.linspace(0.0, 2.0, 2001)[1:-1]
     v = np.tile((B - A) / 2.0, (t.size, 1))
     ways = Ways(t, A + v * t[:, None], v, (0.0, np.zeros(2)), (2.0, np.zeros(2)))
-    when, arrival, departure = (z[0] for z in ways.passing(x[None], y[None], length))
+    when, speed = ways.passing_at_one_speed(np.array([x, y]), length)
     first, last = np.linalg.norm(x - A), np.linalg.norm(B - y)
-    speed = (first + length + last) / 2.0
+    assert speed == pytest.approx((first + length + last) / 2.0, abs=1e-4)
     assert when == pytest.approx(first / speed, abs=1e-5)
-    np.testing.assert_allclose(arrival, (x - A) / first * speed, atol=1e-4)
-    np.testing.assert_allclose(departure, (B - y) / last * speed, atol=1e-4)
     if not length:
+        arrival, departure = (z[0] for z in ways.passing(x[None]))
+        np.testing.assert_allclose(arrival, (x - A) / first * speed, atol=1e-4)
+        np.testing.assert_allclose(departure, (B - y) / last * speed, atol=1e-4)
         up = np.array([0.0, 1.0])
         first, last = ways.beyond(up[None], x[None])[:, 0]
         assert np.sin(first) == pytest.approx(1 / np.sqrt(2), abs=1e-4)

@@ -86,6 +86,25 @@ def by_each(matrix: Array, stack: Array) -> Array:
     return (stack.reshape(count, -1) @ wide).reshape(count, -1, columns)
 
 
+def solve_each(matrices: Array, right: Array) -> Array:
+    """Return the solutions x (K, n) of matrices A (K, n, n) and right-hand sides (K, n).
+
+    Of matrices as small as these numpy's own takes a third of the time, and checks what it is
+    given the rest. Raises numpy.linalg.LinAlgError if one is singular.
+    """
+    if _solve_each is None:
+        return np.linalg.solve(matrices, right[:, :, None])[:, :, 0]
+    with np.errstate(all="ignore"):
+        found = _solve_each(matrices, right)
+    if not np.logical_and.reduce(np.isfinite(found), axis=None):
+        return np.linalg.solve(matrices, right[:, :, None])[:, :, 0]
+    return found
+
+
+# What is in numpy behind `numpy.linalg.solve`, of vectors.
+_solve_each = getattr(getattr(np.linalg, "_umath_linalg", None), "solve1", None)
+
+
 def cholesky(matrix: Array) -> Callable[[Array], Array]:
     """Return what solves A x = b (n,) or (n, c), for a positive definite A (n, n), factorized once.
 

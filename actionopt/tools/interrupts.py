@@ -20,6 +20,7 @@ try:
 except ImportError:
     _get, _set = signal.getsignal, signal.signal
 
+_NO_HANDLERS = None, signal.SIG_DFL, signal.SIG_IGN
 _SIGNALS = tuple(int(number) for number in signal.valid_signals())
 
 
@@ -39,7 +40,7 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
     # Python runs its handlers in one thread only, and lets no other set them.
     mine = threading.current_thread() is threading.main_thread()
     found = zip(_SIGNALS, map(_get, _SIGNALS), strict=True) if mine else ()
-    handlers = [(number, handler) for number, handler in found if callable(handler)]
+    handlers: list[Any] = [pair for pair in found if pair[1] not in _NO_HANDLERS]
     stderr, silent = sys.stderr, _Others(sys.stderr)
     ended = False
     raised.clear()

@@ -845,7 +845,7 @@ class Action:
         if self.watch is not None:
             self.watch(self.mesh.elements)
         function, p = self.problem.system.pointwise("second"), self.problem.packed
-        if self.problem.system.structure.steady:  # they are the same everywhere
+        if self.problem.system.structure.steady_forces:  # they are the same everywhere
             rest = np.zeros((1, self.layout.width)), np.zeros((1, self.problem.system.n))
             count = self.layout.evaluations
             return self.memoize_if_constant(
@@ -860,8 +860,10 @@ class Action:
 
     def keep_second(self, x: Array) -> None:
         """Keep what `second` returns at x, until it is asked for at another."""
+        if self.problem.system.structure.steady_forces:
+            return
         point = self.place(x)
-        if not self.problem.system.structure.steady and point.second is None:
+        if point.second is None:
             point.second = [values.copy() for values in self.second(x)]
 
     def forces(self, x: Array) -> list[Array]:

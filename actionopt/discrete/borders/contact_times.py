@@ -13,9 +13,8 @@ contains accelerations velocities are continuous, unknowns of the path, and df/d
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,12 +27,13 @@ from actionopt.discrete.borders.stretch import Stretch
 from actionopt.discrete.matrices.factors import Factors
 from actionopt.discrete.matrices.layout import border_matrix
 from actionopt.discrete.meshes.boundaries import carry_boundaries
-from actionopt.discrete.meshes.mesh import Group
 from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.mechanics.question.held import Held, contacts_of
 from actionopt.mechanics.question.obstacle import Arc, rates_of_rows
 from actionopt.mechanics.question.problem import Problem
-from actionopt.tools.types import Array
+from actionopt.tools.blas import solve_each
+from actionopt.tools.cached import cached_property
+from actionopt.tools.types import Array, NDInt
 
 # Slips that change by less with the times of contact, over the duration and in a typical rate of f,
 # change by round-off, as where nothing presses, whatever the times are. Ad hoc.
@@ -42,19 +42,23 @@ FLAT_MOMENT = 1e-8  # in a typical f over the duration's square: d2f/dt2 that is
 VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
 
 
-def with_contact_times(tr: Transcription, times: Array, moves: Array) -> Transcription:
+def with_contact_times(tr: Transcription, moves: Array) -> Transcription:
     """Return the discrete problem whose times of contact (J,) move, and the elements with them."""
     held = contacts_of(tr.problem)
-    after = dict(zip(times.tolist(), (times + moves).tolist(), strict=True))
+    before, now = held.divisions - held.start.t, held.divisions.copy()
+    now[held.divisions.searchsorted(held.contact_times)] += moves
+    after = dict(zip(held.divisions.tolist(), now.tolist(), strict=True))
     moved = held.holding(
         tuple(
-            Arc(arc.row, after.get(arc.begin, arc.begin), after.get(arc.end, arc.end))
-            for arc in held.arcs or ()
+            [
+                Arc(arc.row, after.get(arc.begin, arc.begin), after.get(arc.end, arc.end))
+                for arc in held.arcs or ()
+            ]
         )
     )
-    before, now = (np.union1d(held.knots, t) - held.start.t for t in (times, times + moves))
+    now -= held.start.t
     before[-1] = now[-1] = held.duration
-    mesh = tr.mesh.cut(np.interp(tr.mesh.since, before, now), tr.mesh.degrees)
+    mesh = tr.mesh.with_times(np.interp(tr.mesh.since, before, now))
     return Transcription(moved, mesh, tr.lengths, like=tr)
 
 
@@ -63,19 +67,22 @@ class TangencyMatrix:
 
     Those of the path alone are its `factors`. Both at once: between given times of contact a path
     that is stationary meets the obstacle at an angle whose square the times determine, and may not
-    exist at all. Raises LinAlgError where the matrix of the path is singular, or not finite.
+    exist at all. A `force` (size,) is what the residual of the path is to be in place of zero.
+    Raises LinAlgError where the matrix of the path is singular, or not finite.
     """
 
-    def __init__(self, equations: Equations, z: Array, times: Array) -> None:
+    def __init__(self, equations: Equations, z: Array, force: Array | float = 0.0) -> None:
         tr, held = equations.at(z), contacts_of(equations.at(z).problem)
-        where, each = np.searchsorted(held.knots, times), np.arange(times.size)
+        where = held.knots.searchsorted(held.contact_times)
+        each = np.arange(where.size)
         # All times from one on move, so that a short part behind it keeps its length.
         self._shifted = (where[:, None] == where) & (each[:, None] >= each)
-        columns, rows, corner, self._values = contact_edges(equations, z, times)
+        columns, rows, corner, self._values = contact_edges(equations, z)
         self._z, self._rows = z, rows
         self.factors = Factors(equations.layout, equations.kkt(z), many=True)
-        moves = [self.factors.solve(move) for move in (columns @ self._shifted).T]
-        self._moves = -np.stack(moves, axis=1)
+        pull = force - equations.residual(z)
+        solved = self.factors.solve_many(np.column_stack([columns @ self._shifted, pull]))
+        self._moves, self._step = -solved[:, :-1], solved[:, -1]
         slopes = rows @ self._moves + corner @ self._shifted
         across, sizes, along = np.linalg.svd(slopes, full_matrices=False)
         pressed = sizes > PRESSING * float(tr.row_units.max()) / held.duration**2
@@ -87,45 +94,48 @@ class TangencyMatrix:
         """Return the step (J,) for the times of contact and that of z (size,), with it.
 
         It is Newton's where the matrix is that at z; a simplified one where times and z have moved
-        since. A `force` (size,) is what the residual of the path is to be in place of zero.
+        since. With the `force` of the matrix.
         """
-        step = self.factors.solve(force - equations.residual(z))
         if z is self._z:
+            step = self._step
             slip = self._values + self._rows @ step
         else:
+            step = self.factors.solve(force - equations.residual(z))
             there = DiscretePath(equations.at(z + step), (z + step)[: equations.at(z).layout.size])
-            slip = slip_values(there)
+            slip = slips(there).values
         change = self._inverse @ slip
         return self._shifted @ change, step + self._moves @ change
 
 
-def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, ...]:
-    """Return the border of the matrix of a path for its times of contact (J,).
+def contact_edges(equations: Equations, z: Array) -> tuple[Array, ...]:
+    """Return the border of the matrix of a path for its times of contact, J of them.
 
     The derivatives of its residual by each time alone (size, J), and of the slips by z (J, size)
     and by the times (J, J). And the slips (J,).
     """
-    tr, count = equations.at(z), times.size
-    at, b = DiscretePath(tr, z[: tr.layout.size]), tr.mesh.boundaries
-    knots = np.union1d(contacts_of(tr.problem).knots, times)
-    rates = np.array([np.interp(b, knots, row) for row in np.eye(knots.size)])
-    rates, beside = rates[np.searchsorted(knots, times)], []
+    tr = equations.at(z)
+    held, layout = contacts_of(tr.problem), tr.layout
+    at = DiscretePath(tr, z[: layout.size])
+    where = held.divisions.searchsorted(held.contact_times)
+    count, beside = where.size, []
+    # Boundaries move in proportion between the times that do and their neighbours.
+    part = np.interp(tr.mesh.boundaries, held.divisions, np.arange(held.divisions.size))
+    rates = np.maximum(1 - np.abs(part - where[:, None]), 0.0)
     events = np.zeros(0, dtype=int)  # whose times are unknown, too
     if isinstance(equations, Bordered):
         beside, events = zip(equations.borders, equations.parts, strict=True), equations.moving
         rates = np.vstack([rates, tr.joint_rates[events]])
     stretch, met = Stretch(at, rates), slips(at)
-    columns, rows = np.zeros((z.size, count)), np.zeros((len(met), z.size))
-    columns[: tr.layout.size] = stretch.residuals()[:, :count]
-    for row, slip in zip(rows, met, strict=True):
-        row[: tr.layout.unknowns] = slip.by_path(at, stretch.second)
-    own = np.array([slip.by_times(stretch) for slip in met])
+    columns, rows = np.zeros((z.size, count)), np.zeros((met.values.size, z.size))
+    columns[: layout.size] = stretch.residuals()[:, :count]
+    rows[:, : layout.unknowns] = met.by_path(stretch.second)
+    own = met.by_times(stretch)
     for border, part in beside:
         if isinstance(border, Times):
             bend = stretch.twice()[count:, :count]
             # The parts of a leg at which contact is change with its duration.
             joints = tr.mesh.nodes[tr.joints]
-            leg = np.searchsorted(joints, times, side="right") - 1
+            leg = np.searchsorted(joints, held.contact_times, side="right") - 1
             turn = stretch.slopes()[:count] / np.diff(joints)[leg]
             bend += turn * ((events[:, None] == leg + 1).astype(float) - (events[:, None] == leg))
             change = border.jacobian(z[part])[events]
@@ -133,9 +143,8 @@ def contact_edges(equations: Equations, z: Array, times: Array) -> tuple[Array, 
             rows[:, part] = own[:, count:] @ change
         elif isinstance(border, Integral):
             columns[part] = integrals_by(stretch)[:, :count] / border.units[:, None]
-            for row, slip in zip(rows, met, strict=True):
-                row[part] = slip.by_multipliers(at) * border.unit / border.units
-    return columns, rows, own[:, :count], np.array([slip.value for slip in met])
+            rows[:, part] = met.by_multipliers() * border.unit / border.units
+    return columns, rows, own[:, :count], met.values
 
 
 @dataclass(eq=False)
@@ -202,12 +211,11 @@ class ContactEquations:
         first, equations, theta = self.first, self.equations, y[size:]
         if theta.any():
             moves = self._durations(first) * theta
-            knots = np.union1d(self.held.knots, self.times)
-            after = knots.copy()
-            after[np.isin(knots, self.times)] += moves
+            after = self.held.divisions.copy()
+            after[after.searchsorted(self.times)] += moves
             if not (np.diff(after) > 0).all():
                 raise np.linalg.LinAlgError("a part in contact, or between two, has vanished")
-            tr = with_contact_times(first, self.times, moves)
+            tr = with_contact_times(first, moves)
             if isinstance(equations, Bordered):
                 asked = equations.problem.free
                 held = Held(asked, contacts_of(tr.problem).arcs, span=self.held.span)
@@ -227,7 +235,7 @@ class ContactEquations:
             equations, own = self._equations_at(y)
         except np.linalg.LinAlgError:
             return np.full(y.size, np.nan)
-        met = slip_values(DiscretePath(equations.at(own), own[: self.first.layout.size]))
+        met = slips(DiscretePath(equations.at(own), own[: self.first.layout.size])).values
         return np.r_[equations.residual(own), met / self.unit]
 
     def kkt(self, y: Array) -> Array:
@@ -235,9 +243,7 @@ class ContactEquations:
         equations, own = self._equations_at(y)
         tr = equations.at(own)
         T = self._durations(tr)
-        columns, rows, corner, _ = contact_edges(
-            equations, own, contacts_of(tr.problem).contact_times
-        )
+        columns, rows, corner, _ = contact_edges(equations, own)
         edges = columns * T, rows / self.unit, corner * T / self.unit
         return border_matrix(equations.layout, equations.kkt(own), *edges)[1]
 
@@ -254,22 +260,21 @@ def bend_of_contacts(at: DiscretePath) -> tuple[Array, Array]:
     """
     held, tr = contacts_of(at.problem), at.tr
     layout, nonzeros, rows = tr.layout, np.zeros(tr.layout.blocks.count), []
-    function, kept = rates_of_rows(held.system), tr.row_multipliers(at.z)
-    flat = FLAT_MOMENT * tr.row_units / held.duration**2
-    for rate in _rates(at):
-        node = layout.offsets[rate.boundary]
-        place, time = tr.place(at.x).places[node][None], at.mesh.nodes[node : node + 1, None]
-        a = at.rates[1][node][None]
-        bent = function(place, a, time, held.packed)[3][0][rate.row]
+    kept, flat = tr.row_multipliers(at.z), FLAT_MOMENT * tr.row_units / held.duration**2
+    met = Rates(at)
+    accelerations = met.accelerations()
+    for row, slope, edge, node, bent in zip(
+        met.row, met.by_place * tr.place_units, met.edge, met.nodes, accelerations, strict=True
+    ):
         number = layout.number[node]
         free = number >= 0
-        slope = (rate.by_place * tr.place_units)[free]
-        if rate.edge or bent < flat[rate.row]:
+        if edge or bent < flat[row]:
             rows.append(np.zeros(layout.unknowns))
-            rows[-1][number[free]] = slope
+            rows[-1][number[free]] = slope[free]
             continue
-        nu = -kept[node, rate.row] / tr.action_unit
-        layout.blocks.add(nonzeros, number[free], nu / bent * np.outer(slope, slope))
+        nu = -kept[node, row] / tr.action_unit
+        square = np.outer(slope[free], slope[free])
+        layout.blocks.add(nonzeros, number[free], nu / bent * square)
     return nonzeros, np.array(rows).reshape(-1, layout.unknowns)
 
 
@@ -300,217 +305,196 @@ def merge_contacts(held: Held, a: float, b: float, *, moments: bool) -> tuple[Ar
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Rate:
-    """What `Slip` is where L contains accelerations: df/dt, of q and v at a node.
+class Rates:
+    """What `Slips` are where L contains accelerations: df/dt, of q and v at S nodes.
 
     Attributes
     ----------
-    value : float
-    row : int
-        Of the obstacle.
-    edge : bool
-        Whether an arc begins or ends there.
-    boundary : int
-        Of the mesh, where that is.
-    by_place : (2 n,) array
-        Derivatives by q and v there.
-    by_t : float
-    """
-
-    value: float
-    row: int
-    edge: bool
-    boundary: int
-    by_place: Array
-    by_t: float
-
-    def by_times(self, stretch: Stretch) -> Array:
-        """Return its derivatives as boundaries move, (J,)."""
-        return self.by_t * stretch.rates[:, self.boundary]
-
-    def by_path(self, at: DiscretePath, second: list[Array]) -> Array:
-        """Return its derivative by x, (unknowns,)."""
-        tr = at.tr
-        number = tr.layout.number[tr.layout.offsets[self.boundary]]
-        free, found = number >= 0, np.zeros(tr.layout.unknowns)
-        found[number[free]] = self.by_place[free]
-        return found * tr.x_unit
-
-    def by_multipliers(self, at: DiscretePath) -> Array:
-        """Return its derivatives by the multipliers of integrals that are given, (c,): none."""
-        return np.zeros(at.problem.original.kappa.size)
-
-
-class Slip(NamedTuple):
-    """How fast a path comes to an obstacle, or leaves it, at one time of contact.
-
-    Attributes
-    ----------
-    value : float
-        df/dt on the free side: zero where the path meets the obstacle tangentially.
-    boundary : int
-        Of the mesh, where that is.
-    group, span, node : Group, slice and int
-        The free element's: those of its degree, its nodes among all evaluations, and which of them.
-    by_p, by_q, by_t : (n,) and (n,) arrays and float
-        Derivatives by the gradient of the element's action there, the coordinates and the time.
-    """
-
-    value: float
-    boundary: int
-    group: Group
-    span: slice
-    node: int
-    by_p: Array
-    by_q: Array
-    by_t: float
-
-    def by_times(self, stretch: Stretch) -> Array:
-        """Return its derivatives as boundaries move, (J,)."""
-        by_p = stretch.parts[:, self.span.start + self.node] @ self.by_p
-        return by_p + self.by_t * stretch.rates[:, self.boundary]
-
-    def by_path(self, at: DiscretePath, second: list[Array]) -> Array:
-        """Return its derivative by x, (unknowns,), from the second derivatives of L.
-
-        The element's Hessian is symmetric: that of its gradient at one node, times `by_p`, is the
-        change of the whole gradient as that node moves along it.
-        """
-        tr, rule = at.tr, self.group.rule
-        pointwise = at.problem.system.pointwise("second")
-        A, B, C = (pointwise.full(k, x[self.span], symmetric=k != 1) for k, x in enumerate(second))
-        by_v = rule.derivative[:, self.node, None, None] * 2 / at.mesh.lengths[self.element]
-        force = by_v * B @ self.by_p
-        force[self.node] += A[self.node] @ self.by_p
-        p = by_v * C @ self.by_p
-        p[self.node] += B[self.node].T @ self.by_p
-        gradient = tr.weight[self.span] * force + rule.weighted_derivative.T @ p
-        gradient[self.node] += self.by_q
-        place = tr.layout.number[tr.layout.node_of[self.span]]
-        free, found = place >= 0, np.zeros(tr.layout.unknowns)
-        found[place[free]] = gradient[free]
-        return found * tr.x_unit
-
-    def by_multipliers(self, at: DiscretePath) -> Array:
-        """Return its derivatives by the multipliers of integrals that are given, (c,)."""
-        _, by_q, by_v, _ = integrands(at)
-        i, sign = self.span.start + self.node, 1.0 if self.node else -1.0
-        p = [
-            at.tr.pull_back(by_q[:, k], by_v[:, k])[i] - sign * by_v[i, k]
-            for k in range(by_q.shape[1])
-        ]
-        return np.array(p) @ self.by_p
-
-    @property
-    def element(self) -> int:
-        """Its number in the mesh."""
-        return int(self.group.elements[(self.span.start - self.group.span.start) // self.size])
-
-    @property
-    def size(self) -> int:
-        """How many nodes the element has."""
-        return self.group.rule.degree + 1
-
-
-def slips(at: DiscretePath) -> list[Slip] | list[Rate]:
-    """Return how the path meets the obstacle where contact begins and ends, on the free side."""
-    if at.tr.order > 1:
-        return list(_rates(at))
-    met = _Meetings(at)
-    return met.slips() if met.sides else []
-
-
-def slip_values(at: DiscretePath) -> Array:
-    """Return the values (S,) of what `slips` are."""
-    if at.tr.order > 1:
-        return np.array([rate.value for rate in _rates(at)])
-    met = _Meetings(at)
-    return met.values if met.sides else np.zeros(0)
-
-
-def _rates(at: DiscretePath) -> Iterator[Rate]:
-    """Yield df/dt where contact begins and ends, of a path whose velocities are unknowns."""
-    held, mesh, tr = contacts_of(at.problem), at.mesh, at.tr
-    m, n, places = held.system.m, held.system.n, tr.place(at.x).places
-    function = rates_of_rows(held.system)
-    for arc in held.arcs or ():
-        for t in dict.fromkeys((arc.begin, arc.end)):
-            if t in held.fixed_times:
-                continue
-            b = int(np.argmin(np.abs(mesh.boundaries - t)))
-            place, time = places[tr.layout.offsets[b]][None], mesh.boundaries[b : b + 1, None]
-            found = function(place, np.zeros((1, n)), time, held.packed)
-            value, by_place, by_t = (x[0].copy() for x in found[:3])
-            i, by_place = arc.row, by_place.reshape(m, -1)  # columns of the Jacobian's transpose
-            yield Rate(float(value[i]), i, not arc.point, b, by_place[i], float(by_t[i]))
-
-
-class _Meetings:
-    """The places, S of them, where a path comes to an obstacle or leaves it, on the free side.
-
-    They are the first or the last nodes of elements. The velocities there satisfy the constraints
-    in force, by Newton's method from the polynomial's: one step where L is quadratic in v.
+    row, edge : (S,) arrays
+        Of the obstacle, and whether an arc begins or ends there.
+    values, by_place, by_t : (S,), (S, 2 n) and (S,) arrays
+        df/dt, and its derivatives by q and v and by the time.
     """
 
     def __init__(self, at: DiscretePath) -> None:
-        self.at, self.held, tr = at, contacts_of(at.problem), at.tr
-        held, boundaries, m = self.held, tr.mesh.boundaries, self.held.free.system.m
-        # The row, the boundary, the element, those of its degree and its first evaluation.
-        self.sides: list[tuple[int, int, int, Group, int]] = []
-        for arc in held.arcs or ():
-            for t, after in ((arc.begin, False), (arc.end, True)):
-                if t not in held.fixed_times:
-                    b = int(np.argmin(np.abs(boundaries - t)))
-                    element = b if after else b - 1
-                    group = next(g for g in tr.layout.groups if element in g.elements)
-                    k = int(np.searchsorted(group.elements, element))
-                    begin = group.span.start + k * (group.rule.degree + 1)
-                    self.sides.append((m + arc.row, b, element, group, begin))
-        if self.sides:
-            self._find_velocities()
+        self.at, held = at, contacts_of(at.problem)
+        self.row, times, self.edge = _columns(
+            (arc.row, t, not arc.point)
+            for arc in held.arcs or ()
+            for t in dict.fromkeys((arc.begin, arc.end))
+            if t not in held.fixed_times
+        )
+        self.boundary = _nearest(at.mesh.boundaries, times)
+        self.nodes = at.tr.layout.offsets[self.boundary]
+        each, count = np.arange(times.size), times.size
+        value, by_place, by_t, _ = self._evaluate(np.zeros((count, held.system.n)))
+        # Of the Jacobian's transpose.
+        by_place = by_place.reshape(count, held.system.m, 2 * held.system.n)
+        self.values, self.by_place = value[each, self.row], by_place[each, self.row]
+        self.by_t = by_t[each, self.row]
+
+    def _evaluate(self, a: Array) -> list[Array]:
+        at, held = self.at, contacts_of(self.at.problem)
+        times = at.mesh.boundaries[self.boundary, None]
+        places = at.tr.place(at.x).places[self.nodes]
+        return rates_of_rows(held.system)(places, a, times, held.packed)
+
+    def accelerations(self) -> Array:
+        """Return d2f/dt2, (S,)."""
+        return self._evaluate(self.at.rates[1][self.nodes])[3][np.arange(self.row.size), self.row]
+
+    def by_times(self, stretch: Stretch) -> Array:
+        """Return their derivatives as boundaries move, (S, J)."""
+        return (self.by_t * stretch.rates[:, self.boundary]).T
+
+    def by_path(self, _: list[Array]) -> Array:
+        """Return their derivatives by x, (S, unknowns)."""
+        return _at_unknowns(self.at.tr, self.at.tr.layout.number[self.nodes], self.by_place)
+
+    def by_multipliers(self) -> Array:
+        """Return their derivatives by the multipliers of integrals, (S, c): none."""
+        return np.zeros((self.row.size, self.at.problem.original.kappa.size))
+
+
+class Slips:
+    """How fast a path comes to an obstacle, or leaves it, at S times of contact.
+
+    That is df/dt on the free side, zero where the path meets the obstacle tangentially: at the
+    first or the last nodes of elements. The velocities there satisfy the constraints in force, by
+    Newton's method from the polynomial's: one step where L is quadratic in v.
+
+    Attributes
+    ----------
+    values : (S,) array
+    """
+
+    def __init__(self, at: DiscretePath) -> None:
+        held, tr = contacts_of(at.problem), at.tr
+        self.at, mesh, m = at, tr.mesh, held.free.system.m
+        self._row, times, after = _columns(
+            (m + arc.row, t, after)
+            for arc in held.arcs or ()
+            for t, after in ((arc.begin, 0), (arc.end, 1))
+            if t not in held.fixed_times
+        )
+        self._boundary = _nearest(mesh.boundaries, times)
+        self._element = self._boundary - 1 + after
+        # The first evaluation of each element, the node of it, and its evaluation.
+        self._begin = (tr.layout.element_of == self._element[:, None]).argmax(axis=1)
+        self._node = np.where(after, 0, np.array(mesh.degrees)[self._element])
+        self._own = self._begin + self._node
+        self._sign = np.where(after, -1.0, 1.0)[:, None]
+        self._find_velocities()
 
     def _find_velocities(self) -> None:
         """Find the velocities (S, n), the multipliers (S, m) with them, and the slips (S,)."""
-        at, held, tr, system = self.at, self.held, self.at.tr, self.held.system
-        n, m, point, packed = system.n, system.m, tr.place(at.x), held.packed
-        rows, where, elements, groups, begins = zip(*self.sides, strict=True)
-        first = np.array(where) == elements
-        self.node = np.where(first, 0, [g.rule.degree for g in groups])
-        self.sign, i = np.where(first, -1.0, 1.0)[:, None], begins + self.node
-        p, v = self.sign * tr.parts(at.x)[i], point.v[i]
-        self.q, self.t = point.at[i], tr.times[i]
+        at, held, i = self.at, contacts_of(self.at.problem), self._own
+        tr, system, packed = at.tr, held.system, held.packed
+        n, m, point = system.n, system.m, tr.place(at.x)
+        p, v = self._sign * tr.parts(at.x)[i], point.v[i]
+        self._q, self._t = q, t = point.at[i], tr.times[i]
         jacobian = system.pointwise("constraint_jacobian")
-        normals = jacobian.full(0, jacobian(self.q, self.t, packed)[0])
-        rate = system.pointwise("constraint_rate")(self.q, self.t, packed)[0]
-        b, each = tr.mesh.boundaries, np.arange(len(rows))
-        self.on = held.active((b[elements,] + b[np.add(elements, 1),]) / 2).T
-        G = np.where(self.on[:, :, None], normals, 0.0)
-        self.K = np.zeros((each.size, n + m, n + m))
-        self.K[:, n:, :n], self.K[:, :n, n:] = G, -G.transpose(0, 2, 1)
-        self.K[:, range(n, n + m), range(n, n + m)] = ~self.on  # no multipliers of the others
-        first_of, second = system.pointwise("first"), system.pointwise("second")
+        normals = jacobian.full(0, jacobian(q, t, packed)[0])
+        rate = system.pointwise("constraint_rate")(q, t, packed)[0]
+        b, each = tr.mesh.boundaries, np.arange(i.size)
+        on = held.active((b[self._element] + b[self._element + 1]) / 2).T
+        G = np.where(on[:, :, None], normals, 0.0)
+        self._K = np.zeros((i.size, n + m, n + m))
+        self._K[:, n:, :n], self._K[:, :n, n:] = G, -G.transpose(0, 2, 1)
+        self._K[:, range(n, n + m), range(n, n + m)] = ~on  # no multipliers of the others
+        first, second = system.pointwise("first"), system.pointwise("second")
         for _ in range(1 if system.structure.constant_mass else VELOCITY_STEPS):
-            mass = second(self.q, v, self.t, packed)[2]
-            self.K[:, :n, :n] = second.full(2, mass, symmetric=True)
-            short = p - first_of(self.q, v, self.t, packed)[1]
-            off = -self.on.astype(float) * rate - (G @ v[:, :, None])[:, :, 0]
-            found = np.linalg.solve(self.K, np.concatenate([short, off], axis=1)[:, :, None])
-            v, self.lam = v + found[:, :n, 0], found[:, n:, 0]
-        self.v, self.normal = v, normals[each, rows]
-        self.values = np.sum(self.normal * v, axis=1) + rate[each, rows]
+            mass = second(q, v, t, packed)[2]
+            self._K[:, :n, :n] = second.full(2, mass, symmetric=True)
+            short = p - first(q, v, t, packed)[1]
+            off = -on.astype(float) * rate - (G @ v[:, :, None])[:, :, 0]
+            found = solve_each(self._K, np.concatenate([short, off], axis=1))
+            v, self._lam = v + found[:, :n], found[:, n:]
+        self._v, self._normal = v, normals[each, self._row]
+        self.values = (self._normal * v).sum(axis=1) + rate[each, self._row]
 
-    def slips(self) -> list[Slip]:
-        """Return the slips with their derivatives."""
-        n, (rows, where, _, groups, begins) = self.q.shape[1], zip(*self.sides, strict=True)
-        right = np.concatenate([self.normal, np.zeros(self.lam.shape)], axis=1)
-        by = np.linalg.solve(self.K.transpose(0, 2, 1), right[:, :, None])[:, :, 0]
-        by_p, weights = self.sign * by[:, :n], -by[:, n:]
-        weights[np.arange(len(rows)), rows] = 1.0
-        meeting = self.held.system.pointwise("meeting")
-        state = self.q, self.v, self.t, self.held.packed
-        by_q, by_t = (x.copy() for x in meeting(*state, by[:, :n], weights, self.lam))
-        spans = [slice(i, i + g.rule.degree + 1) for i, g in zip(begins, groups, strict=True)]
-        values, nodes, by_t = self.values.tolist(), self.node.tolist(), by_t[:, 0].tolist()
-        parts = values, where, groups, spans, nodes, by_p, by_q, by_t
-        return [Slip(*x) for x in zip(*parts, strict=True)]
+    @cached_property
+    def _by(self) -> tuple[Array, Array, Array]:
+        """Their derivatives by the gradient of the element's action, by q (S, n), and t (S, 1)."""
+        held, n = contacts_of(self.at.problem), self._q.shape[1]
+        right = np.concatenate([self._normal, np.zeros(self._lam.shape)], axis=1)
+        by = solve_each(self._K.transpose(0, 2, 1), right)
+        by_p, weights = by[:, :n], -by[:, n:]
+        weights[np.arange(len(by)), self._row] = 1.0
+        meeting = held.system.pointwise("meeting")
+        state = self._q, self._v, self._t, held.packed
+        by_q, by_t = meeting(*state, by_p, weights, self._lam)
+        return self._sign * by_p, by_q.copy(), by_t.copy()
+
+    def by_times(self, stretch: Stretch) -> Array:
+        """Return their derivatives as boundaries move, (S, J)."""
+        by_p, _, by_t = self._by
+        by_parts = (stretch.parts[:, self._own] * by_p).sum(axis=2)
+        return by_parts.T + by_t * stretch.rates[:, self._boundary].T
+
+    def by_path(self, second: list[Array]) -> Array:
+        """Return their derivatives by x, (S, unknowns), from the second derivatives of L.
+
+        The element's Hessian is symmetric: that of its gradient at one node, times what the slip
+        changes by with that, is the change of the whole gradient as that node moves along it.
+        """
+        tr, (by_p, by_q, _) = self.at.tr, self._by
+        layout, n = tr.layout, by_p.shape[1]
+        pointwise = self.at.problem.system.pointwise("second")
+        found = np.zeros((by_p.shape[0], layout.unknowns))
+        for g in layout.groups:
+            mine = ((self._begin >= g.span.start) & (self._begin < g.span.stop)).nonzero()[0]
+            if not mine.size:
+                continue
+            each, node = np.arange(mine.size), self._node[mine]
+            at = self._begin[mine, None] + np.arange(g.rule.degree + 1)
+            A, B, C = [
+                pointwise.full(k, x[at.ravel()], symmetric=k != 1).reshape(*at.shape, n, n)
+                for k, x in enumerate(second)
+            ]
+            along = by_p[mine, None, :, None]
+            by_v = g.rule.derivative.T[node] * (2 / tr.mesh.lengths[self._element[mine], None])
+            force, p = (
+                by_v[:, :, None] * (B @ along)[..., 0],
+                by_v[:, :, None] * (C @ along)[..., 0],
+            )
+            own, along = (each, node), along[:, 0]
+            force[own] += (A[own] @ along)[..., 0]
+            p[own] += (B[own].transpose(0, 2, 1) @ along)[..., 0]
+            gradient = tr.weight[at] * force + g.rule.weighted_derivative.T @ p
+            gradient[own] += by_q[mine]
+            found[mine] = _at_unknowns(tr, layout.number[layout.node_of[at]], gradient)
+        return found
+
+    def by_multipliers(self) -> Array:
+        """Return their derivatives by the multipliers of integrals that are given, (S, c)."""
+        _, by_q, by_v, _ = integrands(self.at)
+        i, tr, by_p = self._own, self.at.tr, self._by[0]
+        p = [
+            tr.pull_back(by_q[:, k], by_v[:, k])[i] - self._sign * by_v[i, k]
+            for k in range(by_q.shape[1])
+        ]
+        return (np.array(p) * by_p).sum(axis=2).T
+
+
+def slips(at: DiscretePath) -> Slips | Rates:
+    """Return how the path meets the obstacle where contact begins and ends, on the free side."""
+    return Rates(at) if at.tr.order > 1 else Slips(at)
+
+
+def _columns(sides: Iterable[tuple[int, float, int]]) -> tuple[NDInt, Array, NDInt]:
+    """Return the columns of a table of rows, times and whether something is so, (S,) each."""
+    rows, times, so = np.array([*sides], dtype=float).reshape(-1, 3).T
+    return rows.astype(int), times, so.astype(int)
+
+
+def _nearest(boundaries: Array, times: Array) -> NDInt:
+    """Return the boundaries nearest to times (S,)."""
+    return np.abs(boundaries - times[:, None]).argmin(axis=1)
+
+
+def _at_unknowns(tr: Transcription, number: NDInt, by_place: Array) -> Array:
+    """Return derivatives by x, (S, unknowns), of those by unknowns of a `number`, -1 for none."""
+    found, shape = np.zeros((len(number), tr.layout.unknowns + 1)), (len(number), number[:1].size)
+    found[np.arange(len(number))[:, None], number.reshape(shape)] = by_place.reshape(shape)
+    return found[:, :-1] * tr.x_unit

@@ -19,8 +19,6 @@ for the first, and to second order by D2:
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import casadi as ca
 import numpy as np
 
@@ -29,6 +27,7 @@ from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.mechanics.laws.compiled import Pointwise
 from actionopt.mechanics.laws.laws import keep
 from actionopt.mechanics.system import System
+from actionopt.tools.cached import cached_property
 from actionopt.tools.tape import parameter_gradient
 from actionopt.tools.types import Array, NDInt
 

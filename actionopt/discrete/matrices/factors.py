@@ -238,6 +238,15 @@ class Factors:
         """Return the solutions for right-hand sides (size, K), all at once where that is quick."""
         if self._even is None and self._definite is not None:
             return self._definite(right)
+        layout = self.layout
+        direct = self._even is self._near is None and self._direct
+        if direct and layout.storage == "sparse" and not (layout.keeps_factors or layout.border):
+            solver, regular = _solver(layout, "ldl", right.shape[1]), self._regular
+            scale = np.maximum.reduce(np.abs(right))  # each is to be as accurate as one alone
+            scale[scale == 0] = 1.0
+            x = self._refine(lambda miss: solver(regular, miss.T).T, right / scale)
+            if x is not None:
+                return x * scale
         found = [self.solve(right[:, 0])]
         direct = self._even is self._near is None and self._accurate and self._direct
         if direct and self.layout.uses_condensation and not self._pays and right.shape[1] > 1:
@@ -325,22 +334,22 @@ class Factors:
         self, direct: Callable[[Array], Array], right: Array, enough: float = ACCURATE
     ) -> Array | None:
         """Return the solution by refinement of a direct one, or None if that does not converge."""
-        x, miss, last = np.zeros_like(right), right, np.inf
-        size = float(np.abs(right).max())
+        x, miss, last = right, right, np.inf
+        size = float(np.maximum.reduce(np.abs(right), axis=None))
         for _ in range(REFINEMENTS):
-            nearer = x + direct(miss)
+            nearer = direct(miss) if last == np.inf else x + direct(miss)
             miss = right - product(self.layout, self.nonzeros, nearer)
-            left = float(np.abs(miss).max())
+            left = float(np.maximum.reduce(np.abs(miss), axis=None))
             if not left < last / 2:  # no better than before, or not a number
                 break
             self._accurate = left <= ACCURATE * size and last == np.inf
             x, last = nearer, left
             if left <= enough * size:
                 return x
-        norm = float(np.max(np.abs(self.nonzeros)))
-        return (
-            x if last <= USEFUL * size + RESIDUAL_FLOOR * norm * float(np.max(np.abs(x))) else None
-        )
+        if last == np.inf:
+            return None
+        norm = float(np.max(np.abs(self.nonzeros))) * float(np.max(np.abs(x)))
+        return x if last <= USEFUL * size + RESIDUAL_FLOOR * norm else None
 
 
 def _equilibrate(layout: MatrixLayout, nonzeros: Array, many: bool) -> tuple[Factors, Array] | None:
@@ -384,7 +393,9 @@ def _rescale(layout: MatrixLayout, nonzeros: Array, scale: Array) -> Array:
 
 
 def product(layout: MatrixLayout, nonzeros: Array, z: Array) -> Array:
-    """Return the matrix with these nonzeros times z, (size,)."""
+    """Return the matrix with these nonzeros times z, (size,) or (size, c)."""
+    if z.ndim > 1:
+        return np.stack([product(layout, nonzeros, column) for column in z.T], axis=1)
     if isinstance(layout, BorderedLayout):
         K, B, C, D = layout.split(nonzeros)
         x, beside = z[: len(B)], z[len(B) :]

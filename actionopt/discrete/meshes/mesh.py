@@ -179,6 +179,12 @@ class Mesh:
             self.boundaries[0], self.boundaries[-1], since, degrees, self.singular_ends
         )
 
+    def with_times(self, since: Array) -> Mesh:
+        """Return elements of the same degrees over other times; `since` as for `over`."""
+        boundaries = self.boundaries[0] + since
+        boundaries[-1] = self.boundaries[-1]
+        return self._with_times(boundaries, since)
+
     def divide(self, parts: ArrayLike, degrees: ArrayLike | None = None) -> Mesh:
         """Return the mesh with each element in so many equal `parts` (N,), each of its degree.
 
@@ -253,9 +259,12 @@ class Mesh:
         duration = end - start
         since = self.since * (duration / self.duration)
         since[-1] = duration
-        _check_increasing(since)
         boundaries = start + since
         boundaries[-1] = end
+        return self._with_times(boundaries, since)
+
+    def _with_times(self, boundaries: Array, since: Array) -> Mesh:
+        _check_increasing(since)
         for row in (boundaries, since):
             row.setflags(write=False)
         shape = {k: getattr(self, k) for k in ("degrees", "singular_ends", "shape")}

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.tools.checks import numbers
-from actionopt.tools.immutable import immutable
+from actionopt.tools.immutable import immutable, make_unchecked
 from actionopt.tools.lobatto import RESTING
 from actionopt.tools.types import EPS, Array
 
@@ -59,12 +59,13 @@ class Path:
             given = getattr(self, name)
             if given is None:
                 continue
-            given = np.atleast_2d(numbers(given, name))
+            given = numbers(given, name)
+            given = given if given.ndim > 1 else np.atleast_2d(given)
             if given.ndim != 2 or given.shape[1] != count:
                 raise ValueError(
                     f"expected {name} of shape (n, {count}), one column a node, found {given.shape}"
                 )
-            if not np.all(np.isfinite(given)):
+            if not np.isfinite(given).all():
                 raise ValueError(f"expected finite {name}, found NaN or infinity")
             given.setflags(write=False)
             object.__setattr__(self, name, given)
@@ -76,6 +77,25 @@ class Path:
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""
         return f"Path({self.values.shape[0]} x {self.values.shape[1]} values on {self.mesh})"
+
+    @classmethod
+    def through(
+        cls,
+        mesh: Mesh,
+        values: Array,
+        velocities: Array | None = None,
+        passed: tuple[float, ...] = (),
+    ) -> Path:
+        """Return the path of arrays (n, K) that were made for it, which it keeps.
+
+        Raises ValueError if a value is not finite.
+        """
+        for given in (values, velocities):
+            if given is not None and not np.logical_and.reduce(np.isfinite(given), axis=None):
+                raise ValueError("expected finite values, found NaN or infinity")
+            if given is not None:
+                given.setflags(write=False)
+        return make_unchecked(cls, mesh=mesh, values=values, velocities=velocities, passed=passed)
 
     @classmethod
     def interpolate(cls, curve: Callable[[Array], ArrayLike], mesh: Mesh) -> Path:
@@ -124,11 +144,25 @@ class Path:
         """
         return self._evaluate(self.values, 0, t)
 
+    def at(self, since: Array) -> Array:
+        """Return q (n, K) at times (K,) since the first, which are not checked."""
+        return self._since(self.values, 0, since)
+
     def velocity(self, t: ArrayLike) -> Array:
         """Return v(t) = dq/dt: shape (n, K) for K times, (n,) for one time."""
         if self.velocities is not None:
             return self._evaluate(self.velocities, 0, t)
         return self._evaluate(self.values, 1, t)
+
+    def node_velocities(self) -> Array:
+        """Return v at the nodes, (n, K): where two elements meet that of one of them."""
+        if self.velocities is not None:
+            return self.velocities
+        found = np.empty(self.values.shape)
+        for g in self.mesh.groups:
+            rates = self.values[:, g.nodes] @ g.rule.derivative.T
+            found[:, g.nodes] = rates * (2 / self.mesh.lengths[g.elements, None])
+        return found
 
     def acceleration(self, t: ArrayLike) -> Array:
         """Return dv/dt, the derivative of `velocity`: shape (n, K) or (n,)."""

@@ -95,8 +95,8 @@ class DiscretePath:
         through = self.problem.through
         passed = tuple(event.t for event in through) if through else ()
         if self.tr.order > 1:
-            return Path(self.mesh, self.Q.T, self.rates[0].T, passed)
-        return Path(self.mesh, self.Q.T, passed=passed)
+            return Path.through(self.mesh, self.Q.T, self.rates[0].T, passed)
+        return Path.through(self.mesh, self.Q.T, passed=passed)
 
     @cached_property
     def left_out(self) -> dict[tuple, Array]:

@@ -42,7 +42,7 @@ class Pointwise:
     def __init__(self, function: ca.Function) -> None:
         self.function = function
         self._memory = _Memory()
-        self._sparsity: dict[int, tuple[Array, Array]] = {}
+        self._places: dict[int, tuple[Array, Array, tuple[int, int]]] = {}
         self._entries: dict[tuple[int, bool], tuple[Array, Array]] = {}
 
     def __reduce__(self) -> tuple:
@@ -74,11 +74,15 @@ class Pointwise:
 
     def sparsity(self, output: int) -> tuple[Array, Array]:
         """Return rows and columns of the nonzeros of an output."""
-        if output not in self._sparsity:
-            found = self.function.sparsity_out(output)
-            both = np.array(found.row(), dtype=np.intp), np.array(found.get_col(), dtype=np.intp)
-            self._sparsity[output] = both
-        return self._sparsity[output]
+        rows, cols, _ = self._places.get(output) or self._find_places(output)
+        return rows, cols
+
+    def _find_places(self, output: int) -> tuple[Array, Array, tuple[int, int]]:
+        """Return rows and columns of the nonzeros of an output, and its size; keep them."""
+        found = self.function.sparsity_out(output)
+        both = np.array(found.row(), dtype=np.intp), np.array(found.get_col(), dtype=np.intp)
+        self._places[output] = *both, self.function.size_out(output)
+        return self._places[output]
 
     def entries(self, output: int, *, symmetric: bool = False) -> tuple[Array, Array]:
         """Return which nonzero each entry of an output is, and which there are, both (n, n).
@@ -100,8 +104,8 @@ class Pointwise:
 
         Where they are `symmetric`, the nonzeros may be those of a triangle.
         """
-        rows, cols = self.sparsity(output)
-        matrices = np.zeros((len(nonzeros), *self.function.size_out(output)))
+        rows, cols, size = self._places.get(output) or self._find_places(output)
+        matrices = np.zeros((len(nonzeros), *size))
         matrices[:, rows, cols] = nonzeros
         if symmetric:
             matrices[:, cols, rows] = nonzeros
@@ -120,8 +124,9 @@ class Pointwise:
 
         Where they are `symmetric`, the nonzeros are those of a triangle. Or `transposed`.
         """
-        rows, cols = self.sparsity(output)
-        size = self.function.size_out(output)
+        rows, cols, size = self._places.get(output) or self._find_places(output)
+        if not rows.size:
+            return np.zeros((len(nonzeros), size[1] if transposed else size[0]))
         if (rows.size, rows.size) == size and (rows == cols).all():  # a diagonal matrix
             return nonzeros * v
         if transposed:
@@ -133,7 +138,7 @@ class Pointwise:
         count, height = len(nonzeros), size[1] if transposed else size[0]
         at = height * np.arange(count)[:, None] + rows
         found = np.bincount(at.ravel(), (nonzeros * v[:, cols]).ravel(), count * height)
-        return found.astype(float, copy=False).reshape(count, height)  # of no nonzeros it counts
+        return found.reshape(count, height)
 
     @cached_property
     def _sizes(self) -> tuple[list[int], list[int], int, int]:

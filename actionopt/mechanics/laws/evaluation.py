@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from actionopt.mechanics.laws.compiled import AT_ONCE
 from actionopt.mechanics.laws.laws import Laws
 from actionopt.mechanics.laws.tracing import ParameterTable
+from actionopt.tools.blas import solve_each
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
@@ -252,7 +253,7 @@ def solve_motion(
             found[some] = solve_motion(M[some], bias[some], G[some], gamma[some], held)
         return found
     if not m:
-        return np.linalg.solve(M.reshape(count, n, n), bias[..., None])[..., 0]
+        return solve_each(M.reshape(count, n, n), bias)
     K = np.zeros((count, n + m, n + m))
     K[:, :n, :n] = M.reshape(count, n, n)
     K[:, n:, :n] = G.reshape(count, n, m).transpose(0, 2, 1)
@@ -262,7 +263,7 @@ def solve_motion(
         k, i = np.nonzero(~active)
         K[k, n + i, :] = K[k, :, n + i] = 0.0
         K[k, n + i, n + i], right[k, n + i] = 1.0, 0.0
-    return np.linalg.solve(K, right[..., None])[..., 0]
+    return solve_each(K, right)
 
 
 def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:

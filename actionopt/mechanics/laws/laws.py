@@ -109,13 +109,22 @@ class Structure:
     @cached_property
     def linear(self) -> bool:
         """Whether the equations of motion, and so the discrete ones, are linear."""
-        quadratic = self.constant_mass and self.constant_coupling and self.constant_stiffness
-        return quadratic and self.affine_constraint and self.affine_force
+        return self._linear_forces and self.affine_constraint
 
     @cached_property
     def steady(self) -> bool:
         """Whether they are linear with coefficients that are constant in time."""
-        return self.linear and not self.depends_on_time
+        return self.steady_forces and self.affine_constraint
+
+    @cached_property
+    def steady_forces(self) -> bool:
+        """Whether what L and Q have in them is so, whatever constraints are."""
+        return self._linear_forces and not self.depends_on_time
+
+    @property
+    def _linear_forces(self) -> bool:
+        quadratic = self.constant_mass and self.constant_coupling and self.constant_stiffness
+        return quadratic and self.affine_force
 
 
 @immutable

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from actionopt.mechanics.laws.evaluation import solve_motion
 from actionopt.mechanics.question.obstacle import Arc
 from actionopt.mechanics.question.problem import Problem
+from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array, NDInt
 
@@ -136,6 +137,11 @@ class Held(Problem):
         times = {t for arc in self.arcs or () for t in (arc.begin, arc.end)}
         return np.array(sorted(times - set(self.fixed_times.tolist())))
 
+    @cached_property
+    def divisions(self) -> Array:
+        """The `knots` and the `contact_times` together, in order."""
+        return np.array(sorted({*self.knots.tolist(), *self.contact_times.tolist()}))
+
     def __reduce__(self) -> tuple:
         """Return how to make it anew from the question."""
         return partial(Held, sought=self.sought, span=self.span), (self.free, self.arcs)
@@ -156,7 +162,7 @@ class Held(Problem):
         found = np.zeros((offsets[-1] + 1, self.system.m), dtype=bool)
         found[:, :m] = True
         for arc in self.arcs:
-            inside = np.flatnonzero((arc.begin < middle) & (middle < arc.end))
+            inside = ((arc.begin < middle) & (middle < arc.end)).nonzero()[0]
             if inside.size:
                 found[offsets[inside[0]] : offsets[inside[-1] + 1] + 1, m + arc.row] = True
             elif arc.point:
@@ -202,15 +208,14 @@ class Held(Problem):
     def row_multipliers(self, q: Array, v: Array, t: Array) -> Array:
         """Return the multipliers of the constraints and of the obstacle's rows, (m + r, K).
 
-        At q and v (n, K) and t (K,), which are not checked.
+        At q and v (K, n) and t (K,), which are not checked.
         """
-        arguments = q.T, v.T, t[:, None], self.packed
-        M, bias, G, gamma = self.system.pointwise("motion")(*arguments)
-        return solve_motion(M, bias, G, gamma, self.active(t).T)[:, len(q) :].T
+        M, bias, G, gamma = self.system.pointwise("motion")(q, v, t[:, None], self.packed)
+        return solve_motion(M, bias, G, gamma, self.active(t).T)[:, q.shape[1] :].T
 
     def rows(self, q: Array, t: Array) -> Array:
-        """Return the obstacle's rows (r, K) at q (n, K) and t (K,)."""
-        f = self.system.pointwise("constraint")(q.T, t[:, None], self.packed)[0]
+        """Return the obstacle's rows (r, K) at q (K, n) and t (K,)."""
+        f = self.system.pointwise("constraint")(q, t[:, None], self.packed)[0]
         return f[:, self.free.system.m :].T.copy()
 
     def _dynamics(self, q: Array, v: Array, t: Array, parameters: Any) -> tuple[Array, Array]:

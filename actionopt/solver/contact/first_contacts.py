@@ -7,7 +7,10 @@ passes between the nodes is looked for there: a path's polynomials are known eve
 
 from __future__ import annotations
 
+import math
+from functools import cache
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +28,7 @@ from actionopt.solver.refinement.first_mesh import COARSE_ELEMENTS
 from actionopt.solver.refinement.ipopt import Principle, find
 from actionopt.solver.refinement.workspace import Workspace
 from actionopt.solver.search.search import CURVED_HEIGHT
-from actionopt.tools.lobatto import lgl
+from actionopt.tools.lobatto import Rule, lgl
 from actionopt.tools.types import EPS, Array
 
 # Ad hoc, all of them.
@@ -35,8 +38,8 @@ ACROSS = np.linspace(0.0, 6.4, 129)  # in the motion's sizes, where the other si
 WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
 WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
 UNSEEN = 1e-9  # in units of the rows: what f is below zero there
-# points of each interval in which f is least, and how often it shrinks
-CLOSEST_POINTS, CLOSEST_ROUNDS = 40, 4
+# parts of each interval in which f is least, and how often it shrinks
+CLOSEST, CLOSEST_ROUNDS = np.linspace(0.0, 1.0, 40), 4
 TURN = np.pi / 4  # of the obstacle's normal along an element
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
@@ -176,7 +179,7 @@ def hidden_contact_times(found: DiscretePath) -> list[Array]:
 
     There elements have to be shorter for their nodes to see it.
     """
-    (t, f), reach = sample_rows(found), float(np.diff(found.mesh.nodes).max())
+    (t, _, _, f), reach = sample_rows(found), float(np.diff(found.mesh.nodes).max())
     arcs, windows = contact_parts(found), []
     for i, row in enumerate(f < -UNSEEN * found.tr.row_units[-len(f) :, None]):
         for k, l in runs(row):
@@ -205,10 +208,12 @@ def cut_part(
 
     By the angles (K,) by which an obstacle's normals `turned` at times (K,) from a to b, if any.
     """
-    count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / duration)), 1)
+    count = max(math.ceil(COARSE_ELEMENTS * (b - a) / duration), 1)
     if times is None or turned is None or not turned[-1] > TURN * count:
-        return np.linspace(a, b, count + 1)[1:]
-    count = int(np.ceil(turned[-1] / TURN))
+        since = a + (b - a) * (np.arange(1, count + 1) / count)
+        since[-1] = b
+        return since
+    count = math.ceil(turned[-1] / TURN)
     # Half of them by the angle, half by the time.
     both = (times - a) / (b - a) + turned / turned[-1]
     return np.append(np.interp(np.linspace(0.0, 2.0, count + 1)[1:-1], both, times), b)
@@ -236,60 +241,91 @@ def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Arr
     return times, turned
 
 
-def rows_along(found: DiscretePath, t: Array) -> Array:
-    """Return the rows of the obstacle (r, K) along a path, at times t (K,)."""
-    return contacts_of(found.problem).rows(found.path(t), t)
+class SampledPath(NamedTuple):
+    """A path between its nodes, at K times in order.
 
-
-def rows_between(found: DiscretePath) -> tuple[Array, Array]:
-    """Return the times (K,) of a path's nodes and of others between, and its rows (r, K) then."""
-    mesh, inner = found.mesh, lgl(BETWEEN).nodes[1:-1]
-    times, places = [mesh.nodes], [found.Q]
-    for g in mesh.groups:
-        part = mesh.lengths[g.elements, None] * ((inner + 1) / 2)
-        times.append((mesh.boundaries[g.elements, None] + part).ravel())
-        between = g.rule.interpolation(inner) @ found.Q[g.nodes]
-        places.append(between.reshape(-1, found.Q.shape[1]))
-    t, where = np.unique(np.concatenate(times), return_index=True)
-    return t, contacts_of(found.problem).rows(np.concatenate(places)[where].T, t)
-
-
-def sample_rows(found: DiscretePath) -> tuple[Array, Array]:
-    """Return times (K,) between the nodes, those with a row least among its neighbours, and rows.
-
-    Also where one may be least beside an end of the path or of contact: there f is zero and may
-    fall before it grows. The rows are (r, K).
+    Coordinates and velocities, those of the later element where two meet, and an obstacle's rows.
     """
-    held, (t, rows) = contacts_of(found.problem), rows_between(found)
-    slope = np.diff(rows)
-    on = np.zeros((len(slope), t.size), dtype=bool)
-    if held.arcs is not None:
+
+    t: Array  # (K,)
+    q: Array  # (K, n)
+    v: Array  # (K, n)
+    rows: Array  # (r, K)
+
+
+@cache
+def _points(rule: Rule) -> tuple[Array, Array]:
+    """Return where an element is looked at, (L,), in its length, and what tells q and v there.
+
+    But for its end; the matrices (2, L, d + 1) are of its nodes.
+    """
+    xi = np.union1d(rule.nodes[:-1], lgl(BETWEEN).nodes[1:-1])
+    return (xi + 1) / 2, np.stack([rule.interpolation(xi), rule.slopes(xi)])
+
+
+def rows_between(found: DiscretePath) -> SampledPath:
+    """Return a path at its nodes and at others between."""
+    mesh, Q, n = found.mesh, found.Q, found.Q.shape[1]
+    times, places, rates = [mesh.boundaries[-1:]], [Q[-1:]], []
+    for g in mesh.groups:
+        (part, matrices), h = _points(g.rule), mesh.lengths[g.elements, None]
+        q, v = matrices[:, None] @ Q[g.nodes]
+        times.append((mesh.boundaries[g.elements, None] + h * part).ravel())
+        places.append(q.reshape(-1, n))
+        rates.append((v * (2 / h[:, :, None])).reshape(-1, n))
+        if g.elements[-1] == mesh.elements - 1:
+            rates.insert(0, g.rule.derivative[-1:] @ Q[g.nodes[-1]] * (2 / h[-1]))
+    t, q, v = (np.concatenate(x) for x in (times, places, rates))
+    order = t.argsort(kind="stable")
+    t, q, v = t[order], q[order], v[order]
+    return SampledPath(t, q, v, contacts_of(found.problem).rows(q, t))
+
+
+def sample_rows(found: DiscretePath) -> SampledPath:
+    """Return a path between the nodes, also where a row is least among its neighbours.
+
+    And where one may be least beside an end of the path or of contact: there f is zero and may
+    fall before it grows.
+    """
+    held, seen = contacts_of(found.problem), rows_between(found)
+    t, rows, path = seen.t, seen.rows, found.path
+    falls, grows = rows[:, 1:] < rows[:, :-1], rows[:, 1:] > rows[:, :-1]
+    on = np.zeros(rows.shape, dtype=bool)
+    if held.arcs:
         on = held.active(t)[held.free.system.m :]
-    i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0) & ~on[:, 1:-1])
+    i, k = (falls[:, :-1] & grows[:, 1:] & ~on[:, 1:-1]).nonzero()
     edge = on[:, 1:] != on[:, :-1]
     edge[:, [0, -1]] |= ~on[:, [0, -1]]
-    row, at = np.nonzero(edge)
-    i, begin, end = np.append(i, row), np.append(t[k], t[at]), np.append(t[k + 2], t[at + 1])
-    times, values, each = [t], [rows], np.arange(i.size)
-    for k in range(CLOSEST_ROUNDS if i.size else 0):
-        near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSEST_POINTS)
-        rows = rows_along(found, near.ravel()).reshape(-1, *near.shape)
-        f = rows[i, each]
-        least = np.argmin(f, axis=1)
-        within = (least > 0) & (least < CLOSEST_POINTS - 1)  # at an end it is among the others
-        least = np.clip(least, 1, CLOSEST_POINTS - 2)
+    row, at = edge.nonzero()
+    i = np.concatenate([i, row])
+    begin, end = np.concatenate([[t[k], t[k + 2]], [t[at], t[at + 1]]], axis=1)
+    parts, each = [seen], np.arange(i.size)
+    for again in range(CLOSEST_ROUNDS if i.size else 0):
+        near = begin[:, None] + (end - begin)[:, None] * CLOSEST
+        times = near.ravel()
+        q, v = (x.T for x in path.carried_on(times - held.start.t, 1.0))
+        rows = held.rows(q, times)
+        f = rows.reshape(len(rows), *near.shape)[i, each]
+        least = f.argmin(axis=1)
+        within = (least > 0) & (least < CLOSEST.size - 1)  # at an end it is among the others
+        least = np.minimum(np.maximum(least, 1), CLOSEST.size - 2)
         # Later ones tell the least alone.
-        told = each[:, None], least[:, None] + [-1, 0, 1]
-        times.append((near[told] if k else near).ravel())
-        values.append((rows[:, *told] if k else rows).reshape(len(rows), -1))
+        told = slice(None)
+        if again:
+            told = ((each * CLOSEST.size + least)[:, None] + [-1, 0, 1]).ravel()
+        parts.append(SampledPath(times[told], q[told], v[told], rows[:, told]))
         begin, end = near[each, least - 1], near[each, least + 1]
         rise = np.maximum(f[each, least - 1], f[each, least + 1]) - f[each, least]
         left = within & (f[each, least] < rise)  # else it stays outside
         if not left.any():
             break
-        i, begin, end, each = i[left], begin[left], end[left], each[: np.sum(left)]
+        i, begin, end, each = i[left], begin[left], end[left], each[: np.count_nonzero(left)]
+    if len(parts) == 1:
+        return seen
+    times, q, v, rows = zip(*parts, strict=True)
     t, where = np.unique(np.concatenate(times), return_index=True)
-    return t, np.concatenate(values, axis=1)[:, where]
+    q, v, rows = np.concatenate(q), np.concatenate(v), np.concatenate(rows, axis=1)
+    return SampledPath(t, q[where], v[where], rows[:, where])
 
 
 def is_of_higher_order(found: DiscretePath) -> bool:
@@ -317,9 +353,9 @@ def is_of_higher_order(found: DiscretePath) -> bool:
 
 def runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the first and the last index of each run of True in a row (K,)."""
-    change = np.diff(np.concatenate([[0], row.astype(int), [0]]))
-    first, behind = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
-    return list(zip(first.tolist(), (behind - 1).tolist(), strict=True))
+    padded = np.concatenate([[False], row, [False]])
+    change = (padded[1:] != padded[:-1]).nonzero()[0].tolist()
+    return [(k, l - 1) for k, l in zip(change[::2], change[1::2], strict=True)]
 
 
 def _pressing(found: DiscretePath) -> NDArray[np.bool_]:

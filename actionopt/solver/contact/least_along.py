@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 
@@ -249,16 +248,16 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
         status = refine_contact(ws, tol, ())
         least = status.success and not ws.contact_problem.arcs and not ws.here.index
         return (ws, status, True) if least else None
-    other = out.within(out.other_sides(sideways(free)))
+    other = out.beside(out.other_sides(sideways(free)))
     if other is not None:
-        far = _action_of(problem, other)
+        far = _action_of(problem, *other)
     for side in (out.normal, -out.normal) if n == 2 else (out.normal,):
         if best and far > best[0].here.action:
             return best
         string = out.strings.draw(lambda _, side=side: side, ws.first_degree(True))
         if string is None or len(string[1]) != 1 or _meets_another(problem, *string):
             return best and (*best[:2], False)
-        if n > 2 and far < _action_of(problem, string[0]):
+        if n > 2 and far < _action_of(problem, string[0].mesh.nodes_since, string[0].values.T):
             return None
         ws.restart()
         ws.take_up(free)
@@ -280,12 +279,14 @@ def _meets_another(problem: Problem, string: Path, arcs: tuple[Arc, ...]) -> boo
     return bool((np.delete(f, [arc.row for arc in arcs], axis=0) < 0).any())
 
 
-def _action_of(problem: Problem, path: Path) -> float:
-    """Return about the action along straight lines between the nodes of a path."""
-    q, t = path.values, path.mesh.nodes
-    apart = np.diff(t)
-    state = (q[:, 1:] + q[:, :-1]).T / 2, (np.diff(q) / apart).T, (t[1:, None] + t[:-1, None]) / 2
-    L = problem.system.pointwise("value")(*state, problem.packed)[0]
+def _action_of(problem: Problem, since: Array, q: Array) -> float:
+    """Return about the action along straight lines between places (K, n) at times since the start.
+
+    The times are (K,).
+    """
+    apart, middle = since[1:] - since[:-1], (since[1:] + since[:-1]) / 2
+    state = (q[1:] + q[:-1]) / 2, (q[1:] - q[:-1]) / apart[:, None], problem.start.t + middle
+    L = problem.system.pointwise("value")(*state[:2], state[2][:, None], problem.packed)[0]
     return float(L[:, 0] @ apart)
 
 
@@ -482,5 +483,5 @@ def _judge(ws: Along, tol: float, status: Status) -> Status:
     if status.success and ws.here.error + depth > tol:
         status = refine(ws, max(tol - depth, tol / 2), least=True)
     error = ws.here.error + depth
-    ws.here = replace(ws.here, error=error)
+    ws.here = ws.here.with_values(error=error)
     return Status.FLOOR if status.success and error > tol else status

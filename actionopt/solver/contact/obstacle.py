@@ -55,6 +55,7 @@ from actionopt.solver.refinement.ipopt import IPOPT_TOLERANCE
 from actionopt.solver.refinement.iterate import Iterate, UnfixedPath
 from actionopt.solver.refinement.signals import HALVINGS
 from actionopt.solver.refinement.workspace import PATIENT, Workspace
+from actionopt.tools.immutable import change
 from actionopt.tools.types import EPS, RANK, Array
 
 # Ad hoc, all of them, where nothing else is said.
@@ -137,7 +138,7 @@ class Along(Workspace[Iterate]):
     @property
     def question(self) -> Problem:
         """The question; at the duration at hand, where that is to be found."""
-        return self.contact_problem.free
+        return contacts_of(self.problem).free
 
     def _stand_at(self, there: Iterate) -> None:
         self.iterate, self.problem = there, there.problem  # its duration may be another
@@ -166,8 +167,8 @@ class Along(Workspace[Iterate]):
         if held.arcs and layout.rows and held.system.order == 1:
             jacobian = held.system.pointwise("constraint_jacobian")
             G = np.abs(jacobian.full(0, old.normals(here.x)) * old.lengths)
-            slopes = np.nan_to_num(G.max(axis=2), nan=np.inf).ravel()
-            units = np.full(held.system.m, np.inf)
+            slopes, units = G.max(axis=2).ravel(), np.zeros(held.system.m) + np.inf
+            slopes[~(slopes < np.inf)] = np.inf
             np.minimum.at(units, layout.row_constraint, slopes[layout.row_select])
             units = np.where(np.isfinite(units), units, old.row_units)
             least = FLATTEST * old.row_units
@@ -176,7 +177,7 @@ class Along(Workspace[Iterate]):
             self._attach(tr)
             z = here.z.copy()
             z[here.x.size :] *= old.mu_unit / tr.mu_unit
-            here = replace(here, tr=tr, z=z)
+            here = change(here, tr=tr, z=z)
         if held.has_free_boundary:
             bordered, y = Bordered.beside(held.original, here, moves_of(held.original))
             known = here.sizes, here.lengths, here.gain
@@ -217,7 +218,7 @@ class Along(Workspace[Iterate]):
             mesh = self.with_boundaries(path.mesh)
         else:
             since = [np.zeros(1)]
-            for a, b in pairwise(np.union1d(held.knots, held.contact_times) - free.start.t):
+            for a, b in pairwise(held.divisions - free.start.t):
                 since.append(cut_part(a, b, free.duration, *normal_turns(held, path, a, b)))
             mesh = Mesh.over(
                 free.start.t, free.end.t, np.concatenate(since), self.first_degree(bool(arcs))
@@ -262,8 +263,8 @@ class Along(Workspace[Iterate]):
         t, held = path.mesh.nodes, self.contact_problem
         lam = np.zeros((held.system.m, t.size))
         with suppress(np.linalg.LinAlgError):
-            lam = held.row_multipliers(path.values, path.velocity(t), t)
-        return np.nan_to_num(lam, posinf=0.0, neginf=0.0).T
+            lam = held.row_multipliers(path.values.T, path.node_velocities().T, t)
+        return np.where(np.isfinite(lam), lam, 0.0).T
 
     def follow(self, reach: float = np.inf, *, joined: bool = False) -> bool:
         """Polish the path, and the times at which contact begins and ends.
@@ -321,18 +322,17 @@ class Along(Workspace[Iterate]):
 
     def _join(self, force: Array | float = 0.0) -> bool:
         """Move path and times of contact to where it is tangential; False if that fails."""
-        settled = float(np.clip(SETTLED_SHARE * self.tol, *SETTLED_STEPS))
+        settled = min(max(SETTLED_SHARE * self.tol, SETTLED_STEPS[0]), SETTLED_STEPS[1])
         matrix, last, stalled, contraction, since = None, np.inf, False, 1.0, 0.0
         rate, part = 0.0, 1.0
         for _ in range(PATIENT):
-            times = self.contact_problem.contact_times
-            if not times.size:
+            if not self.contact_problem.contact_times.size:
                 return True
             here, simplified = self.here, matrix is not None
             with self.record.clock("solve"), np.errstate(all="ignore"):
                 try:
                     if matrix is None:
-                        matrix, since = TangencyMatrix(here.equations, here.z, times), 0.0
+                        matrix, since = TangencyMatrix(here.equations, here.z, force), 0.0
                     step, move = matrix.step(here.equations, here.z, force)
                 except np.linalg.LinAlgError:
                     return False
@@ -348,8 +348,8 @@ class Along(Workspace[Iterate]):
                 whole = part == 1.0 and not simplified
                 rate, before_it = size / last if whole else 0.0, rate
                 left = 1 / (1 - rate) if min(rate, before_it) > FLAT_RATE and rate < 1.0 else 0.0
-                part, slight = self._within(times, step, left)
-                self._shift(times, part * step)
+                part, slight = self._within(step, left)
+                self._shift(part * step)
                 self.here = self.here.moved(here.z + part * move)
                 since += size
                 contraction = min(size / last, 1.0) if last < np.inf else contraction
@@ -362,43 +362,43 @@ class Along(Workspace[Iterate]):
                         matrix = None
                     last = size
                     continue
-            self.here = replace(self.here, factors=matrix.factors, since=since)
+            self.here = self.here.with_values(factors=matrix.factors, since=since)
             return True
         return False
 
-    def _within(self, times: Array, step: Array, left: float) -> tuple[float, bool]:
+    def _within(self, step: Array, left: float) -> tuple[float, bool]:
         """Return the share of a step that shortens no part too much; raise where one vanishes.
 
         So does one that steps as this one, `left` of them, all but close. And whether the step is
         slight beside all parts.
         """
-        knots = np.union1d(self.contact_problem.knots, times)
-        moves = np.zeros(knots.size)
-        moves[np.searchsorted(knots, times)] = step
-        lengths, changes = np.diff(knots), np.diff(moves)
-        shortest = float(np.clip(self.tol, *VANISHING)) * self.question.duration
+        held = self.contact_problem
+        knots, moves = held.divisions, np.zeros(held.divisions.size)
+        moves[knots.searchsorted(held.contact_times)] = step
+        lengths, changes = knots[1:] - knots[:-1], moves[1:] - moves[:-1]
+        shortest = min(max(self.tol, VANISHING[0]), VANISHING[1]) * held.duration
         gone = (lengths < shortest) | (lengths + left * changes < SHRINK * lengths)
         gone &= changes < 0
         if gone.any():
-            k = int(np.flatnonzero(gone)[0])
+            k = int(gone.argmax())
             raise ContactChange(self._merge(knots[k], knots[k + 1]))
         limit = (SHRINK - 1) * lengths
         slight = bool(np.abs(step).max() < SHORT_STEP * lengths.min())
-        return min(1.0, float(np.min(limit / np.minimum(changes, limit)))), slight
+        return min(1.0, float((limit / np.minimum(changes, limit)).min())), slight
 
     def _merge(self, a: float, b: float) -> tuple[Arc, ...]:
         """Return the parts in contact when what is between two times has vanished."""
         return merge_contacts(self.contact_problem, a, b, moments=False)
 
-    def _shift(self, times: Array, step: Array) -> None:
+    def _shift(self, step: Array) -> None:
         """Move the times of contact, and the mesh and the path with them."""
         here = self.here
         here.tr.forget()
-        self.units = tr = with_contact_times(here.tr, times, step)
+        self.units = tr = with_contact_times(here.tr, step)
         self._attach(tr)
-        here = replace(here.moved(here.z), tr=tr)
+        here = change(here.moved(here.z), tr=tr)
         if isinstance(here, UnfixedPath):
-            here = replace(here, bordered=here.bordered.around_another(tr))
+            here = change(here, bordered=here.bordered.around_another(tr))
         self.here = here
 
     def why(self) -> str:
@@ -486,20 +486,18 @@ def contact_conditions(at: DiscretePath, sizes: Array) -> tuple[Array, ...]:
     Which rows are in contact, (r, K); how deep the path is inside of the others, in its sizes (n,);
     what those in contact push with, and the unit of that, (r, 1).
     """
-    held, (t, f) = contacts_of(at.problem), sample_rows(at)
+    held, (t, q, v, f) = contacts_of(at.problem), sample_rows(at)
     m = held.free.system.m
     on = held.active(t)[m:]
     push, depth = np.zeros(f.shape), np.zeros(f.shape)
     touched, inside = on.any(axis=0), ((f < 0) & ~on).any(axis=0)
     if touched.any():
-        s = t[touched]
-        state = at.path.carried_on(s - held.start.t, 1.0)
-        push[:, touched] = 0.0 - held.row_multipliers(*state, s)[m:]
+        push[:, touched] = 0.0 - held.row_multipliers(q[touched], v[touched], t[touched])[m:]
     if inside.any():
-        s = t[inside]
-        G = held.system.constraint_jacobian(at.path(s), s, parameters=held.parameters)[m:]
+        jacobian = held.system.pointwise("constraint_jacobian")
+        G = jacobian.full(0, jacobian(q[inside], t[inside, None], held.packed)[0])[:, m:]
         off = np.where(on, 0.0, -f)[:, inside]
-        depth[:, inside] = off / np.einsum("rnk,n->rk", np.abs(G), sizes)
+        depth[:, inside] = off / (np.abs(G) @ sizes).T
     unit = at.tr.action_unit / (held.duration * at.tr.row_units[m:, None])
     return t, on, depth, push, unit
 

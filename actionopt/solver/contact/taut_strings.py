@@ -14,8 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -28,12 +26,16 @@ from actionopt.mechanics.question.held import Held, contacts_of
 from actionopt.mechanics.question.obstacle import Arc
 from actionopt.solver.contact.first_contacts import (
     ACROSS,
+    SampledPath,
     cut_part,
     rows_between,
     runs,
     sample_rows,
 )
 from actionopt.solver.refinement.first_mesh import COARSE_DEGREE
+from actionopt.tools.blas import solve_each
+from actionopt.tools.cached import cached_property
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
 
 ANGLE = np.pi / 36  # by which a normal is turned at once; ad hoc
@@ -52,23 +54,29 @@ class Body:
     """One row of an obstacle at one time, in units in which coordinates have the size one."""
 
     def __init__(self, held: Held, row: int, t: float) -> None:
-        system = held.free.system.with_contact
+        system, sizes = held.free.system.with_contact, held.measures
         self.packed, self.row, self.t = held.packed, held.free.system.m + row, np.array([[t]])
-        self.sizes = held.measures
-        self.areas = np.outer(self.sizes, self.sizes)
+        self.sizes, self.lam = sizes, np.zeros((1, system.m))
+        self.lam[0, self.row] = 1.0
         self.first = system.pointwise("constraint_jacobian")
         self.second = system.pointwise("constraint_curvature")
-        self.lam = np.eye(system.m)[[self.row]]
+        index, there = self.first.entries(0)
+        self._slopes = index[self.row], there[self.row] * sizes
+        index, there = self.second.entries(0, symmetric=True)
+        self._bends = index, there * (sizes[:, None] * sizes)
 
     def at(self, x: Array) -> tuple[Array, Array, Array]:
         """Return f (K,) at points (K, n), its gradient (K, n) and second derivatives (K, n, n)."""
         f, G = self._first(x)
-        H = self.second(x * self.sizes, self.lam, self.t, self.packed)[0]
-        return f, G, self.second.full(0, H, symmetric=True) * self.areas
+        H, (index, units) = (
+            self.second(x * self.sizes, self.lam, self.t, self.packed)[0],
+            self._bends,
+        )
+        return f, G, H[:, index] * units if H.shape[1] else np.zeros((len(x), *index.shape))
 
     def _first(self, x: Array) -> tuple[Array, Array]:
-        G, f = self.first(x * self.sizes, self.t, self.packed)
-        return f[:, self.row].copy(), self.first.full(0, G)[:, self.row] * self.sizes
+        (G, f), (index, units) = self.first(x * self.sizes, self.t, self.packed), self._slopes
+        return f[:, self.row].copy(), G[:, index] * units
 
     def normals(self, x: Array) -> Array:
         """Return the normals (K, n) at points (K, n)."""
@@ -81,11 +89,11 @@ class Body:
         That is just inside of where they leave it first.
         """
         found = np.zeros(len(sides))
-        for ahead in (ACROSS[FIRST_STRIDE::FIRST_STRIDE], ACROSS[1:FIRST_STRIDE]):
-            line = x + (found + ahead[:, None])[:, :, None] * sides
+        for ahead in (ACROSS[::FIRST_STRIDE], ACROSS[:FIRST_STRIDE]):
+            line = x + (found + ahead[1:, None])[:, :, None] * sides
             f = self.first(line.reshape(-1, x.size) * self.sizes, self.t, self.packed)[1]
             inside = np.logical_and.accumulate(f[:, self.row].reshape(line.shape[:2]) < 0)
-            found = found + np.append(0.0, ahead)[inside.sum(axis=0)]
+            found = found + ahead[np.add.reduce(inside)]
         return np.where(found > ACROSS[-1], np.inf, found)
 
     def touching_points(self, x: Array, normals: Array) -> Array | None:
@@ -94,23 +102,23 @@ class Body:
         None if one of them is not found.
         """
         count, n = x.shape
-        K = np.zeros((count, n + 1, n + 1))
-        K[:, :n, n], mu = -normals, None
-        for _ in range(SUPPORT_STEPS):
-            with np.errstate(over="ignore", invalid="ignore"):  # where steps lead far away
-                f, G, H = self.at(x)
-            mu = np.sum(G * normals, axis=1) if mu is None else mu
-            K[:, :n, :n], K[:, n, :n] = H, G
-            miss = np.concatenate([mu[:, None] * normals - G, -f[:, None]], axis=1)
-            try:
-                step = np.linalg.solve(K, miss[:, :, None])[:, :, 0]
-            except np.linalg.LinAlgError:
-                return None
-            x, mu = x + step[:, :n], mu + step[:, n]
-            if not (np.isfinite(x).all() and (mu > 0).all()):
-                return None
-            if np.abs(step[:, :n]).max() < LAST_SUPPORT_STEP:
-                return x
+        K, mu = np.zeros((count, n + 1, n + 1)), None
+        K[:, :n, n] = -normals
+        with np.errstate(over="ignore", invalid="ignore"):  # where steps lead far away
+            for _ in range(SUPPORT_STEPS):
+                f, G, K[:, :n, :n] = self.at(x)
+                K[:, n, :n], mu = G, dot(G, normals) if mu is None else mu
+                miss = np.concatenate([mu[:, None] * normals - G, -f[:, None]], axis=1)
+                try:
+                    step = solve_each(K, miss)
+                except np.linalg.LinAlgError:
+                    return None
+                x, mu = x + step[:, :n], mu + step[:, n]
+                change = np.maximum.reduce(np.abs(step[:, :n]), axis=None)
+                if not (change < np.inf and np.minimum.reduce(mu) > 0):
+                    return None
+                if change < LAST_SUPPORT_STEP:
+                    return x
         return None
 
     def arc_over(self, first: Array, last: Array, side: Array) -> tuple[Array, Array] | None:
@@ -122,14 +130,14 @@ class Body:
         begin, end = self.normals(np.array([first, last]))
         fan = [begin[None]]
         for a, b in ((begin, side), (side, end)):
-            count = max(int(np.ceil(angle_of(a, b) / ANGLE)), 1)
+            count = max(math.ceil(angle_of(a, b) / ANGLE), 1)
             fan.append(between(a, b, np.arange(1, count + 1) / count))
         normals, middle = np.concatenate(fan), (first + last) / 2
         reach = self.reach(middle, normals)
         if not reach.max() < np.inf:
             return None
         points = self.touching_points(middle + reach[:, None] * normals, normals)
-        if points is None or (np.sum(normals[1:] * np.diff(points, axis=0), axis=1) < -EPS).any():
+        if points is None or (dot(normals[1:], points[1:] - points[:-1]) < -EPS).any():
             return self._arc_from(first, [begin, side, end])
         return normals, points
 
@@ -162,7 +170,7 @@ class Body:
         normals, points = chain
         angles = ways.beyond(*chain)
         angles[1] = angles[1][::-1]
-        inner = np.argmax(angles > 0, axis=1)
+        inner = (angles > 0).argmax(axis=1)
         if not inner.all():  # at an end already, or nowhere
             return None
         last = len(points) - 1
@@ -173,12 +181,12 @@ class Body:
         part = parts_at_zero(angles, inner)
         ends = points[at[0]] + part[:, None] * (points[at[1]] - points[at[0]])
         for _ in range(ANGLE_STEPS):
-            turned = np.array([between(*x) for x in zip(low, high, part, strict=True)])
+            turned = between(low, high, part)
             ends = self.touching_points(ends, turned)
             if ends is None:
                 return None
-            angle = np.diagonal(ways.beyond(turned, ends))
-            if np.abs(angle).max() < LAST_ANGLE:
+            angle = ways.beyond(turned, ends)[[0, 1], [0, 1]]
+            if max(abs(x) for x in angle.tolist()) < LAST_ANGLE:
                 break
             past = angle > 0
             low, high = (np.where(past[:, None], *x) for x in ((low, turned), (turned, high)))
@@ -188,12 +196,11 @@ class Body:
         points = np.concatenate([ends[:1], points[inside], ends[1:]])
         normals = np.concatenate([turned[:1], normals[inside], turned[1:]])
         ahead, lengths = along_surface(points, normals)
-        t, arrival, _ = (x[0] for x in ways.passing(ends[:1], ends[1:], lengths[-1]))
-        speed = max(float(np.linalg.norm(arrival)), EPS)
-        return StringPart(t + lengths / speed, points, normals, ahead, lengths)
+        t, speed = ways.passing_at_one_speed(ends, float(lengths[-1]))
+        return StringPart(t + lengths / max(speed, EPS), points, normals, ahead, lengths)
 
 
-@dataclass(frozen=True)
+@immutable
 class StringPart:
     """Where a string lies on a body, on a curve that is cubic between points of support.
 
@@ -214,8 +221,7 @@ class StringPart:
     @cached_property
     def angles(self) -> Array:
         """By what angle the normals have turned, (K,)."""
-        cosines = np.sum(self.normals[1:] * self.normals[:-1], axis=1)
-        return np.append(0.0, np.cumsum(np.arccos(clip(cosines, -1.0, 1.0))))
+        return sums(np.arccos(clip(dot(self.normals[1:], self.normals[:-1]), -1.0, 1.0)))
 
     def at(self, t: Array) -> Array:
         """Return the points (C, n) at times t (C,) since the start."""
@@ -234,13 +240,13 @@ def parts_at_zero(f: Array, k: NDInt) -> Array:
     line through the two.
     """
     each, width = np.arange(k.size), min(f.shape[1], 4)
-    at = np.clip(k - 2, 0, f.shape[1] - width)[:, None] + np.arange(width)
-    values, same = f[each[:, None], at], np.eye(width, dtype=bool)
+    at = clip(k - 2, 0, f.shape[1] - width)[:, None] + np.arange(width)
+    values, same = f[each[:, None], at], np.arange(width)[:, None] == np.arange(width)
     apart = np.where(same, 1.0, values[:, None] - values[:, :, None])
     distinct = apart.all(axis=(1, 2))
     apart[~distinct] = 1.0
     weights = np.where(same, 1.0, values[:, None] / apart).prod(axis=2)
-    part = np.sum(weights * at, axis=1) - (k - 1)
+    part = dot(weights, at) - (k - 1)
     line = f[each, k - 1] / (f[each, k - 1] - f[each, k])
     return np.where(distinct & (part > 0) & (part < 1), part, line)
 
@@ -250,14 +256,20 @@ def along_surface(points: Array, normals: Array) -> tuple[Array, Array]:
 
     It goes through points (K, n) of the surface with these normals (K, n).
     """
-    ways = np.diff(points, axis=0)
+    ways = points[1:] - points[:-1]
     ahead = np.concatenate([ways[:1], ways[1:] + ways[:-1], ways[-1:]])
-    ahead -= np.sum(ahead * normals, axis=1)[:, None] * normals
+    ahead -= dot(ahead, normals)[:, None] * normals
     ahead /= np.maximum(size(ahead), EPS)[:, None]
-    turned = np.diff(ahead, axis=0)
+    turned = ahead[1:] - ahead[:-1]
     # An arc is longer than its chord by the square of the angle, over 24.
-    lengths = size(ways) * (1 + np.sum(turned**2, axis=1) / 24)
-    return ahead, np.append(0.0, np.cumsum(lengths))
+    return ahead, sums(size(ways) * (1 + dot(turned, turned) / 24))
+
+
+def sums(parts: Array) -> Array:
+    """Return the sums of the first of these (K,), of none to all, (K + 1,)."""
+    found = np.zeros(parts.size + 1)
+    np.add.accumulate(parts, out=found[1:])
+    return found
 
 
 def clip(x: Array, low: Any, high: Any) -> Array:
@@ -265,9 +277,14 @@ def clip(x: Array, low: Any, high: Any) -> Array:
     return np.minimum(np.maximum(x, low), high)
 
 
+def dot(x: Array, y: Array) -> Array:
+    """Return the products of vectors along the last axis: `einsum` takes longer for few."""
+    return np.add.reduce(x * y, axis=-1)
+
+
 def size(x: Array) -> Array:
     """Return the lengths of vectors along the last axis."""
-    return np.sqrt(np.einsum("...n,...n->...", x, x))
+    return np.sqrt(np.add.reduce(x * x, axis=-1))
 
 
 def angle_of(a: Array, b: Array) -> float:
@@ -276,14 +293,18 @@ def angle_of(a: Array, b: Array) -> float:
 
 
 def between(a: Array, b: Array, part: Array | float) -> Array:
-    """Return unit vectors that are parts (K,) of the way from a to b, unit vectors (n,): (K, n)."""
-    angle, part = angle_of(a, b), np.asarray(part)[..., None]
-    if angle == 0.0:
-        return b + 0 * part
-    return (np.sin((1 - part) * angle) * a + np.sin(part * angle) * b) / np.sin(angle)
+    """Return unit vectors that are parts of the way from a to b, unit vectors.
+
+    For parts (K,) between two, (n,), or one of each way between (K, n): (K, n).
+    """
+    part = np.asarray(part)[..., None]
+    angle = np.arccos(clip(dot(a, b), -1.0, 1.0))[..., None]
+    whole = np.where(angle > 0, np.sin(angle), 1.0)
+    turned = (np.sin((1 - part) * angle) * a + np.sin(part * angle) * b) / whole
+    return np.where(angle > 0, turned, b)
 
 
-@dataclass(frozen=True)
+@immutable
 class Ways:
     """How a string comes from one point and goes on to another: as a path does, but for a drift.
 
@@ -303,75 +324,88 @@ class Ways:
     before: tuple[float, Array]
     behind: tuple[float, Array]
 
-    def passing(self, x: Array, y: Array, length: float) -> tuple[Array, Array, Array]:
-        """Return when it comes to x so that it leaves y as fast, (C,), and both velocities (C, n).
+    def passing(self, x: Array) -> tuple[Array, Array]:
+        """Return with which velocities it comes to points x and leaves them as fast, (C, n) each.
 
-        From x to y, both (C, n), it goes a `length` at one speed.
+        To each of x (C, n) when that is so.
         """
         t, each = self.times, np.arange(len(x))
-        arrival, departure, ends = self._velocities(t[None], (self.q, self.v), x, y, length)
-        slower = _excess(arrival, departure)
-        first = np.argmax((slower < 0) | (ends >= self.behind[0]), axis=1)
-        last = np.maximum(first - 1, 0)
-        off, before = slower[each, last], t[last]
-        part = clip(off / np.maximum(off - slower[each, first], EPS), 0.0, 1.0)
-        when = before + part * (t[first] - before)
-        for _ in range(SPEED_STEPS if length else 0):
-            state = self._at(when[:, None])
-            arrival, departure, _ = self._velocities(when[:, None], state, x, y, length)
-            slower = _excess(arrival, departure)[:, 0]
+        (a, before), (b, behind) = self.before, self.behind
+        off = x[:, None] - self.q
+        arrival = self.v + (off - before) / (t - a)[:, None]
+        departure = self.v + (behind - off) / (b - t)[:, None]
+        slower = size(arrival) - size(departure)
+        first, last, part = _first_below(slower, np.zeros(slower.shape, dtype=bool))
+        part = part[:, None]
+        arrival, departure = (
+            z[each, last] + part * (z[each, first] - z[each, last]) for z in (arrival, departure)
+        )
+        return arrival, departure
+
+    def passing_at_one_speed(self, ends: Array, length: float) -> tuple[float, float]:
+        """Return when it comes to the first of two `ends` (2, n), and the speed there.
+
+        It goes a `length` from there to the other at that speed, and leaves it as fast.
+        """
+        t = self.times
+        state = self.q, self.v
+        slower, speeds, behind = self._excess(t, state, ends, length)
+        (first,), (last,), part = _first_below(slower[None], behind[None])
+        off, before, low, high, speed = slower[last], t[last], t[last], t[first], speeds[last]
+        when = before + part[0] * (high - low)
+        for _ in range(SPEED_STEPS):
+            at = np.array([when])
+            (slower,), (speed,), _ = self._excess(at, self._at(at), ends, length)
             change, step = off - slower, slower * (when - before)
             before, off = when, slower
-            when = when + np.divide(step, change, out=0 * step, where=change != 0)
-            when = clip(when, t[last], t[first])
-        if length:
-            return when, arrival[:, 0], departure[:, 0]
-        arrival, departure = (
-            z[each, last] + part[:, None] * (z[each, first] - z[each, last])
-            for z in (arrival, departure)
-        )
-        return when, arrival, departure
+            when = min(max(when + (step / change if change else 0.0), low), high)
+        return float(when), float(speed)
 
-    def _velocities(
-        self, t: Array, state: tuple[Array, Array], x: Array, y: Array, length: float
+    def _excess(
+        self, t: Array, state: tuple[Array, Array], ends: Array, length: float
     ) -> tuple[Array, Array, Array]:
-        """Return the velocities with which it comes to x and leaves y, (C, K, n), and when that is.
+        """Return by how much faster it comes to one end than it leaves the other, (K,).
 
-        It comes at times t (C, K) or (1, K), at which q and v of the path are a `state`.
+        Its speed then, and whether it comes to the other too late. It comes at times t (K,), at
+        which q and v of the path are a `state`, (K, n) each.
         """
         (a, before), (b, behind), (q, v) = self.before, self.behind, state
-        arrival, ends = v + (x[:, None] - q - before) / (t - a)[:, :, None], t
-        if length:
-            ends = t + length / np.maximum(size(arrival), EPS)
-            q, v = self._at(ends)
-        departure = v + (behind - (y[:, None] - q)) / np.maximum(b - ends, EPS)[:, :, None]
-        return arrival, departure, ends
+        arrival = size(v + (ends[0] - q - before) / (t - a)[:, None])
+        later = t + length / np.maximum(arrival, EPS)
+        q, v = self._at(later)
+        left = np.maximum(b - later, EPS)[:, None]
+        return arrival - size(v + (behind - (ends[1] - q)) / left), arrival, later >= b
 
     def _at(self, t: Array) -> tuple[Array, Array]:
-        """Return the path's coordinates and velocities at other times, (C, K, n) each."""
+        """Return the path's coordinates and velocities at other times (K,), (K, n) each."""
         times = self.times
         k = clip(times.searchsorted(t) - 1, 0, times.size - 2)
-        part = clip((t - times[k]) / (times[k + 1] - times[k]), 0.0, 1.0)[:, :, None]
-        q, v = (z[k] + part * (z[k + 1] - z[k]) for z in (self.q, self.v))
-        return q, v
+        part = clip((t - times[k]) / (times[k + 1] - times[k]), 0.0, 1.0)[:, None]
+        q, v = self.q, self.v
+        return q[k] + part * (q[k + 1] - q[k]), v[k] + part * (v[k + 1] - v[k])
 
     def beyond(self, normals: Array, x: Array) -> Array:
         """Return angles (2, C), above zero beyond where it comes to the body first, leaves it last.
 
         They are those of the ways to and from points x with the planes of normals, both (C, n).
         """
-        _, arrival, departure = self.passing(x, x, 0.0)
-        ways = np.stack([arrival, -departure])
-        lengths = np.maximum(size(ways), EPS)
-        return np.arcsin(clip(np.sum(normals * ways, axis=2) / lengths, -1.0, 1.0))
+        arrival, departure = self.passing(x)
+        ways = np.array([arrival, -departure])
+        return np.arcsin(clip(dot(normals, ways) / np.maximum(size(ways), EPS), -1.0, 1.0))
 
 
-def _excess(v: Array, w: Array) -> Array:
-    """Return by how much one velocity is faster than another, (C, K), both (C, K, n)."""
-    return size(v) - size(w)
+def _first_below(f: Array, behind: Array) -> tuple[NDInt, NDInt, Array]:
+    """Return the first places where f (C, K) is below zero or `behind`, those before, and parts.
+
+    The parts (C,) are those of the way between at which f is zero.
+    """
+    first, each = ((f < 0) | behind).argmax(axis=1), np.arange(len(f))
+    last = np.maximum(first - 1, 0)
+    off = f[each, last]
+    return first, last, clip(off / np.maximum(off - f[each, first], EPS), 0.0, 1.0)
 
 
-@dataclass(frozen=True)
+@immutable
 class Strings:
     """Strings drawn taut round what a path passes through.
 
@@ -379,28 +413,26 @@ class Strings:
     ----------
     found : DiscretePath
         The path.
-    t, rows : (K,) and (r, K) arrays
-        Times along it, and the rows of the obstacle then.
+    seen : SampledPath
+        What was seen along it.
     """
 
     found: DiscretePath
-    t: Array
-    rows: Array
+    seen: SampledPath
 
     @classmethod
     def round(cls, found: DiscretePath, *, seen: bool = False) -> Strings:
         """Return those round what a path passes through; what is `seen` is not looked for."""
-        t, rows = rows_between(found) if seen else sample_rows(found)
-        if seen and np.count_nonzero(rows < 0) < SEEN_INSIDE:
-            return cls.round(found)
-        return cls(found, t, rows)
+        known = rows_between(found)
+        if not seen or np.count_nonzero(known.rows < 0) < SEEN_INSIDE:
+            known = sample_rows(found)
+        return cls(found, known)
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array]:
         """Times since the start at the nodes, (K,), coordinates and velocities (K, n) there."""
         found, sizes = self.found, self.found.problem.measures
-        v = found.path.velocity(found.mesh.nodes).T
-        return found.mesh.nodes_since, found.Q / sizes, v / sizes
+        return found.mesh.nodes_since, found.Q / sizes, found.path.node_velocities().T / sizes
 
     def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
         """Return the `Ways` between two places; None where the path has not two nodes between."""
@@ -416,21 +448,20 @@ class Strings:
         None if the path passes through nothing, or through what has no edge to that side, such as a
         plane. The `side` is a direction (n,) at a time, coordinates in units of their `measures`.
         """
-        found, held = self.found, contacts_of(self.found.problem)
+        found, held, seen = self.found, contacts_of(self.found.problem), self.seen
         start, duration, none = held.start.t, held.duration, np.zeros(held.system.n)
         sizes = held.measures
-        passed = sorted((k, l, i) for i, row in enumerate(self.rows < 0) for k, l in runs(row))
+        passed = sorted([(k, l, i) for i, row in enumerate(seen.rows < 0) for k, l in runs(row)])
         # What is known of contacts so far: when they begin and end, and how far from the path; at
         # first when the path is inside.
         bodies, chains, known = [], [], [[(0.0, none)]]
         for k, l, i in passed:
-            middle = float(self.t[k] + self.t[l]) / 2
+            middle = float(seen.t[k] + seen.t[l]) / 2
             bodies.append(Body(held, i, middle))
-            first, last = found.path(self.t[[k, l]]).T / sizes
-            chains.append(bodies[-1].arc_over(first, last, side(middle)))
+            chains.append(bodies[-1].arc_over(*seen.q[[k, l]] / sizes, side(middle)))
             known.append([(middle - start, none)])
         known.append([(duration, none)])
-        if not bodies or any(chain is None for chain in chains):
+        if not bodies:
             return None
         contacts: dict[int, StringPart] = {}
         for _ in range(PASSES if len(bodies) > 1 else 1):
@@ -443,10 +474,10 @@ class Strings:
                 if contact is None or contact.times[-1] >= behind[0]:
                     return None
                 contacts[j], ends = contact, contact.times[[0, -1]]
-                drift = contact.points[[0, -1]] - found.path(start + ends).T / sizes
+                drift = contact.points[[0, -1]] - found.path.at(ends).T / sizes
                 known[j + 1] = list(zip(ends.tolist(), drift, strict=True))
-        times, drift = zip(*(x for each in known for x in each), strict=True)
-        if np.diff(times).min() <= 0:
+        times, drift = zip(*[x for each in known for x in each], strict=True)
+        if any([b <= a for a, b in pairwise(times)]):
             return None
         since = [np.zeros(1)]
         for k, (a, b) in enumerate(pairwise(times)):  # every second part is in contact
@@ -454,17 +485,19 @@ class Strings:
             since.append(cut_part(a, b, duration, *turns))
         mesh = Mesh.over(start, held.end.t, np.concatenate(since), degree)
         s = mesh.nodes_since
-        away = np.array([np.interp(s, times, d) for d in np.transpose(drift)])
-        values = found.path(mesh.nodes) + away * sizes[:, None]
+        part = np.interp(s, times, np.arange(len(times)))
+        k = np.minimum(part.astype(int), len(times) - 2)
+        away = np.array(drift) * sizes
+        values = found.path.at(s) + (away[k] + (part - k)[:, None] * (away[k + 1] - away[k])).T
         for contact in contacts.values():
             at = (contact.times[0] <= s) & (s <= contact.times[-1])
             values[:, at] = contact.at(s[at]).T * sizes[:, None]
-        joints = mesh.boundaries[np.searchsorted(mesh.since, times[1:-1])].reshape(-1, 2).tolist()
-        arcs = (Arc(i, *ends) for (_, _, i), ends in zip(passed, joints, strict=True))
-        return Path(mesh, values), tuple(arcs)
+        joints = mesh.boundaries[mesh.since.searchsorted(times[1:-1])].reshape(-1, 2).tolist()
+        arcs = [Arc(i, *ends) for (_, _, i), ends in zip(passed, joints, strict=True)]
+        return Path.through(mesh, values), tuple(arcs)
 
 
-@dataclass(frozen=True)
+@immutable
 class WayOut:
     """The place where a path is deepest inside of an obstacle, and the nearest way out.
 
@@ -490,42 +523,49 @@ class WayOut:
     def of(cls, found: DiscretePath) -> WayOut | None:
         """Return the way out from where a path is deepest inside; None where it is outside."""
         strings = Strings.round(found, seen=True)
-        t, rows = strings.t, strings.rows
-        i, k = np.unravel_index(np.argmin(rows), rows.shape)
+        t, q, _, rows = strings.seen
+        i, k = divmod(int(rows.argmin()), t.size)
         if not rows[i, k] < 0:
             return None
-        deepest = t[[k]]
+        deepest, place = float(t[k]), q[k]
         if 0 < k < t.size - 1:  # where the parabola through three points is lowest
-            slope = np.diff(rows[i, k - 1 : k + 2]) / np.diff(t[k - 1 : k + 2])
-            bend = (slope[1] - slope[0]) / (t[k + 1] - t[k - 1])
-            lowest = (t[k - 1] + t[k] - slope[0] / max(bend, EPS)) / 2
-            deepest = np.clip([lowest], t[k - 1], t[k + 1])
-        body = Body(contacts_of(found.problem), int(i), float(deepest[0]))
-        q = found.path(deepest).T / body.sizes
-        return cls(strings, body.t.item(), q[0], body, body.normals(q)[0])
+            (a, b, c), f = t[k - 1 : k + 2].tolist(), rows[i, k - 1 : k + 2].tolist()
+            slopes = (f[1] - f[0]) / (b - a), (f[2] - f[1]) / (c - b)
+            bend = (slopes[1] - slopes[0]) / (c - a)
+            deepest = min(max((a + b - slopes[0] / max(bend, EPS)) / 2, a), c)
+            before, at, after = deepest - a, deepest - b, deepest - c
+            place = (
+                at * after / ((b - a) * (c - a)) * q[k - 1]
+                - before * after / ((b - a) * (c - b)) * q[k]
+                + before * at / ((c - a) * (c - b)) * q[k + 1]
+            )
+        body = Body(contacts_of(found.problem), i, deepest)
+        place = place / body.sizes
+        return cls(strings, deepest, place, body, body.normals(place[None])[0])
 
-    def within(self, sides: Array) -> Path | None:
-        """Return a path that is just inside of the body's nearest edge straight to `sides` (k, n).
+    def beside(self, sides: Array) -> tuple[Array, Array] | None:
+        """Return a path just inside of the body's nearest edge straight to `sides` (k, n).
 
-        Paths past all of those edges are longer. None if there is no edge.
+        Its coordinates (K, n) at times since the start, (K,). Paths past all of those edges are
+        longer. None if there is no edge.
         """
-        found, sizes = self.strings.found, self.body.sizes
         reach = self.body.reach(self.q, sides)
-        nearest = int(np.argmin(reach))
+        nearest = int(reach.argmin())
         if not reach[nearest] < np.inf:
             return None
         there, (since, q, _) = self.q + reach[nearest] * sides[nearest], self.strings.motion
         # A free body would turn aside there when its way is the shortest.
         away, left = (there - q)[1:-1], since[-1] - since[1:-1]
-        k = 1 + np.argmin(np.sum(away**2, axis=1) * (1 / since[1:-1] + 1 / left))
+        k = 1 + (dot(away, away) * (1 / since[1:-1] + 1 / left)).argmin()
         part = np.interp(since, since[[0, k, -1]], [0.0, 1.0, 0.0])
-        return Path(found.mesh, (q + part[:, None] * (there - q[k])).T * sizes[:, None])
+        return since, (q + part[:, None] * (there - q[k])) * self.body.sizes
 
     def other_sides(self, first: Array) -> Array:
         """Return directions (k, n) across the path: the farther way, and to `first` and beyond."""
-        n, sizes = self.normal.size, self.body.sizes
+        n = self.normal.size
         if n == 2:
             return -self.normal[None]
-        ahead = self.strings.found.path.velocity(self.t) / sizes
-        axes = np.linalg.qr(np.column_stack([ahead, self.normal, first, np.eye(n)]))[0][:, 2:].T
+        since, _, v = self.strings.motion
+        ahead = v[since.searchsorted(self.t - self.strings.found.problem.start.t) - 1]
+        axes = np.linalg.qr(np.vstack([ahead, self.normal, first, np.eye(n)]).T)[0][:, 2:].T
         return np.concatenate([[-self.normal], axes, -axes])

@@ -160,8 +160,8 @@ def depths(at: DiscretePath, sizes: Array) -> tuple[Array, Array]:
 
     In its sizes (n,).
     """
-    held, (t, f) = contacts_of(at.problem), sample_rows(at)
-    G = held.system.constraint_jacobian(at.path(t), t, parameters=held.parameters)
+    held, (t, q, _, f) = contacts_of(at.problem), sample_rows(at)
+    G = held.system.constraint_jacobian(q.T, t, parameters=held.parameters)
     depth = np.where(held.active(t), 0.0, -f)
     return t, depth / np.einsum("rnk,n->rk", np.abs(G), sizes)
 

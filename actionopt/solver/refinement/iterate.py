@@ -177,7 +177,7 @@ class Iterate(DiscretePath):
         Nothing is missed where they are linear in the path and do not depend on time. And the
         iterate, with what was found on the way: one factorization may serve for the `probe`.
         """
-        if self.problem.system.structure.steady:
+        if self.problem.system.structure.steady_forces:
             return 0.0, self
         here = self.with_factors(many)
         assert here.factors is not None

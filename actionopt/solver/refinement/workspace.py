@@ -500,7 +500,7 @@ class Workspace(Generic[Place]):
         change, gain = self._change(first, old), here.gain
         if old.resolution.by_rate > MEASURABLE:
             left = old.resolution.by_rate
-            if change > UNLIKELY * left and not self.problem.system.structure.steady:
+            if change > UNLIKELY * left and not self.problem.system.structure.steady_forces:
                 with suppress(np.linalg.LinAlgError):  # what was not seen moves the path as well
                     factors = old.with_factors(many=False).factors
                     assert factors is not None
