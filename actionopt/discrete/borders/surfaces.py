@@ -52,6 +52,7 @@ def event_at(at: DiscretePath, k: int) -> tuple[Event, float]:
     return at.problem.joints[k], float(at.mesh.nodes[at.tr.joints[k]])
 
 
+@np.errstate(all="ignore")
 def onto(
     problem: Problem, event: Event, q: Array, t: Array, size: Array, *, outside: bool = False
 ) -> Array:
@@ -69,8 +70,9 @@ def onto(
     if not (unit.size and len(q)):
         return q
     kept = np.ones((len(q), system.m), dtype=bool)
-    # Times at which laws take turns may be to be found; they are in no constraint.
-    parameters = {name: np.nan_to_num(x) for name, x in problem.parameters.items()}
+    parameters = {}
+    if system.m:  # times at which laws take turns may be to be found; they are in no constraint
+        parameters = {name: np.nan_to_num(x) for name, x in problem.parameters.items()}
     if outside:
         kept = system.constraint(q.T, t, parameters=parameters).T < 0
         kept[:, : problem.system.m] = True
@@ -87,16 +89,15 @@ def onto(
             rows, by_q = np.hstack([rows, f]), np.hstack([by_q, np.moveaxis(G, 2, 0)])
             rows[empty], by_q[empty] = 0.0, 0.0
         by_q = by_q[:, :, free] * unit
-        with np.errstate(all="ignore"):
-            if rows.shape[1] == 1:
-                step = by_q[:, 0] * (rows / np.add.reduce(by_q[:, 0] ** 2, axis=1)[:, None])
-            else:
-                known = np.isfinite(rows).all(axis=1) & np.isfinite(by_q).all(axis=(1, 2))
-                known &= (by_q.any(axis=2) | empty).all(axis=1)
-                step = np.full((len(q), unit.size), np.nan)
-                step[known] = (np.linalg.pinv(by_q[known]) @ rows[known][:, :, None])[:, :, 0]
-            largest, farthest = np.abs(step).max(axis=1), FIRST_SURFACE_STEP * 2.0**k
-            q[:, free] -= step * (farthest / np.maximum(largest, farthest))[:, None] * unit
+        if rows.shape[1] == 1:
+            step = by_q[:, 0] * (rows / np.add.reduce(by_q[:, 0] ** 2, axis=1)[:, None])
+        else:
+            known = np.isfinite(rows).all(axis=1) & np.isfinite(by_q).all(axis=(1, 2))
+            known &= (by_q.any(axis=2) | empty).all(axis=1)
+            step = np.full((len(q), unit.size), np.nan)
+            step[known] = (np.linalg.pinv(by_q[known]) @ rows[known][:, :, None])[:, :, 0]
+        largest, farthest = np.abs(step).max(axis=1), FIRST_SURFACE_STEP * 2.0**k
+        q[:, free] -= step * (farthest / np.maximum(largest, farthest))[:, None] * unit
         if not (largest >= LAST_SURFACE_STEP).any():
             break
     q[~(largest < LAST_SURFACE_STEP)] = np.nan
