@@ -8,7 +8,16 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.tools.blas import by_each, cholesky, lu, one_thread, solve_each, thread_count
+from actionopt.tools.blas import (
+    by_each,
+    check_definite,
+    cholesky,
+    invert_each,
+    lu,
+    one_thread,
+    solve_each,
+    thread_count,
+)
 
 OSCILLATOR = systems.oscillator()
 PROBLEM = ao.Problem(OSCILLATOR, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5]))
@@ -118,6 +127,11 @@ def test_stacks_of_matrices_are_solved_as_numpy_does_or_are_singular():
     matrices, right = random.normal(size=(5, 3, 3)), random.normal(size=(5, 3))
     x = solve_each(matrices, right)
     np.testing.assert_allclose((matrices @ x[:, :, None])[:, :, 0], right, rtol=1e-12)
+    np.testing.assert_allclose(invert_each(matrices), np.linalg.inv(matrices), rtol=1e-12)
+    check_definite(matrices @ matrices.transpose(0, 2, 1))
     matrices[2, 1] = 0.0
+    for singular in (lambda: solve_each(matrices, right), lambda: invert_each(matrices)):
+        with pytest.raises(np.linalg.LinAlgError):
+            singular()
     with pytest.raises(np.linalg.LinAlgError):
-        solve_each(matrices, right)
+        check_definite(np.array([np.eye(2), np.diag([1.0, -1.0])]))

@@ -86,23 +86,38 @@ def by_each(matrix: Array, stack: Array) -> Array:
     return (stack.reshape(count, -1) @ wide).reshape(count, -1, columns)
 
 
-def solve_each(matrices: Array, right: Array) -> Array:
-    """Return the solutions x (K, n) of matrices A (K, n, n) and right-hand sides (K, n).
+def _of_each(name: str, whole: Callable[..., Array], *given: Array) -> Array:
+    """Return what numpy does to stacks of matrices, or what `whole` does if that is not finite.
 
-    Of matrices as small as these numpy's own takes a third of the time, and checks what it is
-    given the rest. Raises numpy.linalg.LinAlgError if one is singular.
+    Of matrices as small as ours numpy's own takes a third of the time, and checks what it is given
+    the rest; an error of a singular matrix is for `whole` to raise.
     """
-    if _solve_each is None:
-        return np.linalg.solve(matrices, right[:, :, None])[:, :, 0]
-    with np.errstate(all="ignore"):
-        found = _solve_each(matrices, right)
-    if not np.logical_and.reduce(np.isfinite(found), axis=None):
-        return np.linalg.solve(matrices, right[:, :, None])[:, :, 0]
-    return found
+    inner = getattr(getattr(np.linalg, "_umath_linalg", None), name, None)
+    if inner is not None:
+        with np.errstate(all="ignore"):
+            found = inner(*given)
+        if np.logical_and.reduce(np.isfinite(found), axis=None):
+            return found
+    return whole(*given)
 
 
-# What is in numpy behind `numpy.linalg.solve`, of vectors.
-_solve_each = getattr(getattr(np.linalg, "_umath_linalg", None), "solve1", None)
+def solve_each(matrices: Array, right: Array) -> Array:
+    """Return the solutions (K, n) of matrices (K, n, n) and right-hand sides (K, n), as numpy."""
+    return _of_each("solve1", _solve, matrices, right)
+
+
+def _solve(matrices: Array, right: Array) -> Array:
+    return np.linalg.solve(matrices, right[:, :, None])[:, :, 0]
+
+
+def invert_each(matrices: Array) -> Array:
+    """Return the inverses of matrices, as numpy.linalg.inv."""
+    return _of_each("inv", np.linalg.inv, matrices)
+
+
+def check_definite(matrices: Array) -> None:
+    """Raise numpy.linalg.LinAlgError where one of them is not positive definite."""
+    _of_each("cholesky_lo", np.linalg.cholesky, matrices)
 
 
 def cholesky(matrix: Array) -> Callable[[Array], Array]:

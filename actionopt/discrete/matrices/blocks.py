@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.discrete.meshes.mesh import Group
+from actionopt.tools.blas import check_definite, invert_each
 from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
@@ -409,11 +410,11 @@ class Condensed:
         if border is not None and border[2].size:  # of a path at rest no phase is to be found
             self._carry(*border)
         if definite:
-            np.linalg.cholesky(self.last)
+            check_definite(self.last)
         # The last matrix of a family, bordered or not, is singular but for round-off: an inverse
         # would make its condition times as much of that as a solution does.
         regular = border is None and not blocks.closed.size
-        self.inverse = np.linalg.inv(self.last) if regular else None
+        self.inverse = invert_each(self.last) if regular else None
 
     def _fold(self) -> None:
         """Identify the last node of a closed path with the first one, in the last matrix."""
@@ -574,8 +575,8 @@ class _Inner:
             rest = slice(part.stop, None)
             pivot = W[:, part, part]
             if definite:
-                np.linalg.cholesky(pivot)
-            inverse = np.linalg.inv(pivot)
+                check_definite(pivot)
+            inverse = invert_each(pivot)
             self.parts.append((part, pivot, inverse, W[:, part, rest], W[:, rest, part]))
             for some in in_parts(len(W), (W.shape[1] - part.stop) ** 2):
                 W[some, part, rest] = inverse[some] @ W[some, part, rest]
@@ -614,8 +615,8 @@ class _Inner:
             for number, (part, pivots, inverses, rights, belows) in enumerate(self.parts):
                 pivots[e] = W[part, part]
                 if definite:
-                    np.linalg.cholesky(pivots[e])
-                inverses[e] = np.linalg.inv(pivots[e])
+                    check_definite(pivots[e])
+                inverses[e] = invert_each(pivots[e])
                 right = np.matmul(inverses[e], W[part, part.stop :], out=rights[e])
                 if belows is not None:
                     belows[e] = W[part.stop :, part]
@@ -681,8 +682,8 @@ class _Level:
             U, V = U[:-1], V[:-1]
         pivot = D[1:-1:2] if spare else D[1::2]
         if definite:
-            np.linalg.cholesky(pivot)
-        inverse = np.linalg.inv(pivot)
+            check_definite(pivot)
+        inverse = invert_each(pivot)
         above, below = U[0::2], V[1::2]
         left, right = inverse @ V[0::2], inverse[: len(U[1::2])] @ U[1::2]
         k = len(right)
