@@ -395,7 +395,7 @@ def _rescale(layout: MatrixLayout, nonzeros: Array, scale: Array) -> Array:
 def product(layout: MatrixLayout, nonzeros: Array, z: Array) -> Array:
     """Return the matrix with these nonzeros times z, (size,) or (size, c)."""
     if z.ndim > 1:
-        return np.stack([product(layout, nonzeros, column) for column in z.T], axis=1)
+        return np.array([product(layout, nonzeros, column) for column in z.T]).T
     if isinstance(layout, BorderedLayout):
         K, B, C, D = layout.split(nonzeros)
         x, beside = z[: len(B)], z[len(B) :]

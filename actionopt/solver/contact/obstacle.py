@@ -186,8 +186,10 @@ class Along(Workspace[Iterate]):
 
     def with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch, and where contact begins and ends."""
-        times = tuple((t, t) for t in self.contact_problem.contact_times.tolist())
-        return with_boundaries(super().with_boundaries(mesh), times)
+        mesh, times = super().with_boundaries(mesh), self.contact_problem.contact_times.tolist()
+        if set(times) <= set(mesh.boundaries.tolist()):
+            return mesh
+        return with_boundaries(mesh, tuple([(t, t) for t in times]))
 
     def take_up(self, found: Iterate) -> None:
         """Take up a path that Ipopt found, with the contacts it had there."""
