@@ -600,3 +600,22 @@ def test_paths_that_close_on_a_clock_are_all_motions():
     for s in found:
         assert s.compare().position < 1e-6
         np.testing.assert_allclose(s.start.v, s.end.v, atol=1e-8)
+
+
+def test_a_rough_guess_of_one_turn_leads_to_one_turn():
+    """T = 2 int dx / sqrt(2 (E - V)) along x alone; damped steps led three times round."""
+    a, energy = 0.2845629674, 0.3916189347
+
+    def law(q, v, t):
+        x, y = q
+        quartic = a * x**4 + 0.27813946 * y**4 + a * x**2 * y**2
+        return (v @ v - x**2 - 2.3 * y**2) / 2 - quartic
+
+    turn = np.linspace(0, 2 * np.pi, 33)
+    guess = np.stack([0.9 * np.sqrt(2 * energy) * np.cos(turn), 0 * turn])
+    system = ao.System(law, ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(None), energy=energy)
+    found = ao.solve(problem, guess=guess)
+    top = np.sqrt((np.sqrt(0.25 + 4 * a * energy) - 0.5) / (2 * a))
+    b = 2 * a * top**2  # with x = top sin s the roots of E - V at both ends cancel
+    assert abs(found.duration - 4 * ellipk(-b / (1 + b)) / np.sqrt(1 + b)) < 1e-7

@@ -592,12 +592,19 @@ class _FreeBoundarySearch:
     def seek(self, keep: bool) -> Status:
         """Move the path at hand to an answer, on the mesh asked for; return the verdict."""
         run, guess, choices = self.run, self.guess, self.choices
-        status, judged, kept = Status.NOT_FOUND, None, None
+        status, judged, kept, asked = Status.NOT_FOUND, None, None, False
         if keep and self.thorough and guess is not None and choices.strategies is not IPOPT:
             kept = run.keep_member(guess)
         if kept is not None:
             status, run.found_by = kept, "guess"
         for path, lam, how, damped in self.tries() if kept is None else ():
+            # Newton's steps do not contract on a family: those of given energy are many.
+            if damped and not asked and run.problem.closes and run.problem.free_time:
+                asked = True
+                found = self._in_family(status)
+                if found is not None:
+                    status, judged = found, None
+                    break
             if choices.strategies is IPOPT:
                 path, lam, how = _by_ipopt(run.problem, path, choices), None, "ipopt"
             if run.units is None and self.first.solved is not None:
@@ -612,14 +619,16 @@ class _FreeBoundarySearch:
                 break
         if judged is not None:  # what was tried since has no verdict
             run.iterate, run.hint = judged
-        near = guess if run.problem.closes else self.first.of_family
-        if (
-            near is not None
-            and not is_alone(run.problem)
-            and not (status.success or status is Status.JUMP)
-        ):
-            status = run.in_family(near, thorough=self.thorough) or status
+        status = (None if asked else self._in_family(status)) or status
         return settle_on(run, status, choices.mesh, least=False)
+
+    def _in_family(self, status: Status) -> Status | None:
+        """Move to a path near the guess, or a family's, where there is one; None if it is not."""
+        run = self.run
+        near = self.guess if run.problem.closes else self.first.of_family
+        if near is None or is_alone(run.problem) or status.success or status is Status.JUMP:
+            return None
+        return run.in_family(near, thorough=self.thorough)
 
     def conclude(self, status: Status, started: float) -> Solution:
         """Return the solution of the path at hand, or of one to which two paths merge.
