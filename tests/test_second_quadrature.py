@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from helpers import a_quarter
+from scipy.integrate import solve_ivp
 from scipy.special import jv
 
 import actionopt as ao
@@ -235,3 +236,18 @@ def test_elements_are_cut_along_which_the_inertia_varies():
         return (np.exp(slow * t) - np.exp(fast * t)) / (np.exp(slow) - np.exp(fast))
 
     assert relative(found, exact) < 1e-8
+
+
+@pytest.mark.long
+def test_elements_beside_one_that_begins_without_inertia_are_cut():
+    """q'' + (2 / t + 200) q' + q = 0, regular at t = 0, where elements of one degree begin."""
+    law = ao.System(lambda q, v, t: t**2 * np.exp(200 * t) * (v[0] ** 2 - q[0] ** 2) / 2, ["q"])
+    found = ao.solve(ao.Problem(law, ao.Event(0, [None]), ao.Event(1, [1])))
+
+    def rates(t, y):
+        return [y[1], -(2 / t + 200) * y[1] - y[0]]
+
+    span, given = (1e-9, 1), {"method": "Radau", "rtol": 1e-10, "atol": 1e-13}
+    t = np.linspace(0.01, 1, 20)
+    exact = solve_ivp(rates, span, [1.0, -1e-9 / 3], t_eval=t, **given).y[0]
+    assert np.abs(found(t)[0] - exact / exact[-1]).max() < 1e-8

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import Any
 
 import casadi as ca
@@ -150,14 +149,19 @@ def _is_same_for_all(problem: Any, c: Array) -> bool:
         return False
     if not _is_same_for_two(problem, c):  # this tells most apart, and derives nothing
         return False
-    terms = np.concatenate([x * _equations(problem, i) for i, x in enumerate(c) if x], axis=2)
-    with suppress(ValueError):  # it is finite nowhere in general position
-        return negligible(remainder(terms))
-    return False
+    # What is narrow lies between points in general position, and hardly changes the integrals.
+    for states in (general_states(system.n), _two_curves(problem)):
+        terms = [x * _equations(problem, i, *states) for i, x in enumerate(c) if x]
+        try:
+            if not negligible(remainder(np.concatenate(terms, axis=2))):
+                return False
+        except ValueError:  # it is finite nowhere there
+            return False
+    return True
 
 
-def _equations(problem: Any, i: int) -> Array:
-    """Return the terms of the Euler-Lagrange equations of g_i in general position, (2 n, K, k)."""
+def _equations(problem: Any, i: int, q: Array, v: Array, t: Array) -> Array:
+    """Return the terms of the Euler-Lagrange equations of g_i at K states, (2 n, K, k)."""
     system = problem.system
     s, g = system.symbols, system.g[i]
 
@@ -170,7 +174,6 @@ def _equations(problem: Any, i: int) -> Array:
         terms = ca.densify(ca.vertcat(terms, kink))
         return ca.Function("terms", [s.q, s.v, s.t, a, s.p], [terms])
 
-    q, v, t = general_states(system.n)
     terms = system.memoize(f"equations of integral {i}", build).map(len(q))
     values = terms(q.T, v.T, t.T, v[::-1].T, problem.packed.T).full()
     return values.reshape(2 * system.n, len(q), -1)
@@ -181,7 +184,8 @@ def _dependence(problem: Any) -> Array | None:
     count = problem.system.g.numel()
     if problem.system.order > 1:
         return None
-    sums = [_equations(problem, i)[:, :GENERIC].sum(axis=2).ravel() for i in range(count)]
+    states = [x[:GENERIC] for x in general_states(problem.system.n)]
+    sums = [_equations(problem, i, *states).sum(axis=2).ravel() for i in range(count)]
     rows = np.array(sums)[:, np.isfinite(sums).all(axis=0)]
     size = np.linalg.norm(rows, axis=1)
     if not rows.shape[1] or not size.all():
@@ -193,24 +197,29 @@ def _dependence(problem: Any) -> Array | None:
     return np.where(np.abs(c) > CANCELLED, c, 0.0) / size
 
 
-def _is_same_for_two(problem: Any, c: Array) -> bool:
-    """Whether that of c.g is the same along two curves: a step may lie between all other points."""
-    system, t0, T = problem.system, problem.start.t, problem.duration
-    q0 = np.array([0.0 if x is None else x for x in problem.start.q or [0.0] * system.n])
+def _two_curves(problem: Any) -> tuple[Array, Array, Array]:
+    """Return q, v (K, n) and t (K, 1) along a straight and a bent curve between the events."""
+    n, t0, T = problem.system.n, problem.start.t, problem.duration
+    q0 = np.array([0.0 if x is None else x for x in problem.start.q or [0.0] * n])
     way = problem.end.q - q0 if problem.advance is None else np.array(problem.advance)
     size = np.maximum(problem.lengths, 1e-300)
-    bend = np.stack([0.0 * size, size * np.linspace(0.5, 1.0, system.n)])[:, None]
+    bend = np.stack([0.0 * size, size * np.linspace(0.5, 1.0, n)])[:, None]
     s = (np.arange(CURVE_POINTS)[:, None] + 0.5) / CURVE_POINTS
     q = q0 + way * s + bend * np.sin(np.pi * s)
     v = (way + bend * np.pi * np.cos(np.pi * s)) / T
+    return q.reshape(-1, n), v.reshape(-1, n), np.tile(t0 + T * s, (2, 1))
+
+
+def _is_same_for_two(problem: Any, c: Array) -> bool:
+    """Whether that of c.g is the same along two curves: a step may lie between all other points."""
+    system = problem.system
     x = system.symbols
 
     def build() -> Pointwise:
         return Pointwise(ca.Function("integrands", [x.q, x.v, x.t, x.p], [ca.densify(system.g)]))
 
-    curves = q.reshape(-1, system.n), v.reshape(-1, system.n), np.tile(t0 + T * s, (2, 1))
     with np.errstate(all="ignore"):
-        (g,) = system.memoize("integrands", build)(*curves, problem.packed)
+        (g,) = system.memoize("integrands", build)(*_two_curves(problem), problem.packed)
         g = (c * g)[:, c != 0].reshape(2, CURVE_POINTS, -1)
         one, other = g.mean(axis=1).sum(axis=1)
         return bool(abs(one - other) <= SAME_INTEGRAL * np.abs(g).mean(axis=1).sum(axis=1).max())

@@ -171,9 +171,9 @@ def _even_out(ws: Workspace, tol: float, *, least: bool) -> bool:
     nonzeros, parts = tr.second(here.x)[2], np.ones(tr.mesh.elements, dtype=int)
     for g in tr.layout.groups:
         mass = np.abs(nonzeros[g.span].reshape(*g.nodes.shape, -1)).max(axis=2)
-        if (mass > 0).all():
-            varied = np.log(mass.max(axis=1) / mass.min(axis=1)) / np.log(MOST_VARIED)
-            parts[g.elements] = np.maximum(np.ceil(varied), 1)
+        known = (mass > 0).all(axis=1)
+        varied = np.log(mass[known].max(axis=1) / mass[known].min(axis=1)) / np.log(MOST_VARIED)
+        parts[g.elements[known]] = np.maximum(np.ceil(varied), 1)
     if parts.max() == 1:
         return False
     if ws.transfer(tr.mesh.divide(parts), least=least):
