@@ -831,3 +831,19 @@ def test_parameters_of_a_problem_may_be_given_to_another():
     ends = ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])
     given = ao.Problem(rope, *ends, integral=2.0).parameters
     assert ao.Problem(rope, *ends, parameters=given).parameters == {}
+
+
+def test_a_motion_that_only_passes_surfaces_is_the_first_path():
+    """y'' = -4 y is zero each pi/2, whatever its amplitude: a leg between is one of a family."""
+    system = ao.System(lambda q, v, t: (v @ v - q[0] ** 2 - 4 * q[1] ** 2) / 2, ["x", "y"])
+    line = ao.Event(None, None, on=lambda q, t: q[1])
+    ends = (ao.Event(0, [0, 0.5]), ao.Event(3, [1, 0.5]))
+    problem = ao.Problem(system, *ends, through=[line, line])
+    path, times = next(starts(problem, None))
+    np.testing.assert_allclose(np.diff(times)[1], np.pi / 2, rtol=0.02)
+    x, v = np.sin(times) / np.sin(3), (0.5 - 0.5 * np.cos(6)) / np.sin(6)
+    y = 0.5 * np.cos(2 * times) + v * np.sin(2 * times)
+    np.testing.assert_allclose(path(times), [x, y], atol=0.02)
+    found = ao.solve(problem, guess=path)
+    S = oscillation(0.0, 1.0, 3.0)[0] + 2 * oscillation(0.5, 0.5, 6.0)[0]
+    assert found.action == pytest.approx(S, rel=1e-9)

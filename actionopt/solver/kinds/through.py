@@ -373,6 +373,10 @@ def starts(
                     relaxed = relax_legs(problem, *found)
                     yield from first_guessed(problem, relaxed, found[1])
         return
+    if _are_only_passed(problem):
+        times = times_of(problem)[[0, -1]]
+        line = polygon(base[[0, -1]], times)
+        yield read_guess(problem, relax_legs(problem.replace(through=()), line, times))
     straight = _begin(problem, base, size, np.ones(len(base) - 1))
     least = None if straight is None else lower(problem, *straight)
     if least is not None:
@@ -380,6 +384,17 @@ def starts(
     for found in _first_legs(problem, base, size, count, random, answers):
         if found is not None:
             yield relax_legs(problem, *found), found[1]
+
+
+def _are_only_passed(problem: Problem) -> bool:
+    """Return whether a motion between the ends that meets the surfaces of all events is an answer.
+
+    A surface that is passed from one law to the same, at a time to be found, changes no momentum.
+    """
+    fixed = bool(problem.start.pinned and problem.end.pinned) and problem.advance is None
+    passed = (e.t is None and e.on is not None and not e.pinned for e in problem.through)
+    bounces = any(isinstance(e, Bounce) for e in problem.joints)
+    return fixed and not bounces and not isinstance(problem.question, tuple) and all(passed)
 
 
 def _first_legs(
