@@ -705,3 +705,17 @@ def test_an_integral_that_steps_in_a_moment_is_not_the_same_for_all_paths(step):
     given = (0.8, 0.8) if step(-9.0) == 1 else (0.1, 0.45)  # 1 - 2 x(.5) of the second
     problem = ao.Problem(free, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]), integral=given[0])
     assert ao.solve(problem)(0.5)[0] == pytest.approx(given[1], abs=1e-4)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("g", "value"), [(lambda q, v, t: q @ q, 1.0), (lambda q, v, t: q**2, [0.4, 0.6])]
+)
+def test_integrals_that_a_constraint_tells_have_no_multipliers(g, value):
+    """On a circle q . q is one: what was found for its multiplier was -2952, and SOLVED."""
+    circle = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1, integral=g
+    )
+    ends = ao.Event(0, [1.0, 0.0]), ao.Event(1, [0.0, 1.0])
+    found = ao.solve(ao.Problem(circle, *ends, integral=value), throw=False)
+    assert found.status is ao.Status.DEGENERATE

@@ -854,3 +854,31 @@ def test_a_path_of_a_family_is_held_where_that_helps():
     assert verdict(S.SOLVED, held=[False, False]) == (S.SOLVED, ("x",))
     assert verdict(S.NOT_FOUND, S.SOLVED, held=[False, True]) == (S.SOLVED, ("x",))
     assert verdict(S.UNRESOLVED, S.NOT_FOUND, held=[False, True]) == (S.UNRESOLVED, ())
+
+
+def test_what_newtons_method_brings_to_zero_has_a_unit():
+    """The index is in units of the path: those of a leftover of 1e-11 made it 83."""
+    sphere = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
+    )
+    ends = ao.Event(0, [1.0, 0, 0]), ao.Event(None, [0, 1.0, 0])
+    mesh = ao.Mesh.uniform(0, 3 * np.pi / 2, 8, 8)
+    t = mesh.nodes
+    z = 0.3 * np.sin(2 * t / 3) * (1 + 0.3 * np.sin(2 * t))
+    near = np.stack([np.cos(t) * np.sqrt(1 - z**2), -np.sin(t) * np.sqrt(1 - z**2), z])
+    found = ao.solve(ao.Problem(sphere, *ends, energy=0.5), guess=ao.Path(mesh, near))
+    assert found.action == pytest.approx(3 * np.pi / 4) and found.morse_index == 1
+    np.testing.assert_allclose(found.discrete.tr.lengths, 1)
+
+
+@pytest.mark.long
+def test_a_force_of_nearly_nothing_turns_no_motion():
+    """A thin wall with a gap: its force at the start is 1e-220, which asked for times of 1e223."""
+
+    def law(q, v, t):
+        gap = 1.27 * np.exp(-(((q[1] - 0.6025) / 0.25) ** 2))
+        return v @ v / 2 - (1.4736 - gap) * np.exp(-((q[0] / 0.04398) ** 2))
+
+    ends = ao.Event(0, [-1.0, 0.0]), ao.Event(None, [1.0, 0.2])
+    problem = ao.Problem(ao.System(law, ["x", "y"]), *ends, energy=0.9997)
+    assert ao.solve(problem, throw=False).status in ao.Status  # it is not found, in words

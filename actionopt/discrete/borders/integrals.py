@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.borders.stretch import Stretch, by_joints
+from actionopt.discrete.matrices.factors import full
 from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.mechanics.laws.compiled import Pointwise
 from actionopt.mechanics.laws.laws import keep
@@ -24,13 +25,27 @@ def integrals(at: DiscretePath) -> tuple[Array, Array]:
 
 
 def are_dependent(at: DiscretePath) -> bool:
-    """Whether integrals change together near a path, so that multipliers lose half their digits."""
+    """Whether integrals change together near a path, so that multipliers lose half their digits.
+
+    Of moves that the constraints allow: others tell of q . q on a sphere that it changes.
+    """
     slopes = integrals(at)[1]
+    if at.tr.layout.rows:
+        rows = _constraint_rows(at)
+        size = np.linalg.norm(slopes, axis=1, keepdims=True)
+        slopes = slopes - np.linalg.lstsq(rows.T, slopes.T, rcond=None)[0].T @ rows
+        slopes[np.linalg.norm(slopes, axis=1) < np.sqrt(EPS) * size[:, 0]] = 0.0
     if at.problem.free_time:
         slopes = np.hstack([slopes, integrals_by_times(at)])
     size = np.linalg.norm(slopes, axis=1, keepdims=True)
     ratios = np.linalg.svd(slopes / np.where(size > 0, size, 1.0), compute_uv=False)
-    return bool(ratios[-1] < np.sqrt(EPS) * ratios[0])
+    return bool(ratios[-1] <= np.sqrt(EPS) * ratios[0])
+
+
+def _constraint_rows(at: DiscretePath) -> Array:
+    """Return the derivatives of the constraints at the nodes by the unknowns, (rows, unknowns)."""
+    unknowns = at.tr.layout.unknowns
+    return full(at.tr.layout, at.tr.kkt(at.z))[unknowns:, :unknowns]
 
 
 def integrals_by_times(at: DiscretePath) -> Array:

@@ -39,6 +39,7 @@ MERGED = 1e-7
 TOP_ROUNDOFF = 1e-12
 # Part of a duration within which Newton's method takes over from steps towards it.
 NEAR_DURATION = 0.03
+FARTHEST_RETURN = 1e9  # sizes of a coordinate, beyond which the force here turns no motion; ad hoc
 
 
 def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]:
@@ -294,7 +295,7 @@ def conserves_energy(system: System) -> bool:
 def return_time(problem: Problem, q: Array, t: float) -> float:
     """Return about how long a motion of the energy takes from q (n,) back to it: 2 p / |force|.
 
-    It is 1 where there is no force.
+    It is 1 where there is no force, or none that turns the motion within `FARTHEST_RETURN` sizes.
     """
     n = problem.system.n
     at = q[None], np.zeros((1, n)), np.array([[t]]), problem.packed
@@ -303,7 +304,8 @@ def return_time(problem: Problem, q: Array, t: float) -> float:
     _, left = rates(problem, q[None], np.ones((1, n)), np.array([[t]]))
     with np.errstate(all="ignore"):
         found = 2 * np.sqrt(2 * np.abs(left) * inertia) / force
-    found = found[np.isfinite(found) & (found > 0)]
+        away = np.abs(left) / force
+    found = found[np.isfinite(found) & (found > 0) & (away < FARTHEST_RETURN * problem.scales)]
     return float(found.min()) if found.size else 1.0
 
 

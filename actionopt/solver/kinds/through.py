@@ -239,8 +239,8 @@ def attempts(
             solution = replace(solution, status=Status.DEGENERATE)
         elif solution.success and problem.integral is not None and are_dependent(solution.discrete):
             why = (
-                "near this path the integrals depend on one another, so that their multipliers are "
-                "not determined: leave those out that others tell"
+                "near this path the integrals depend on one another, or on the constraints, so "
+                "that their multipliers are not determined: leave those out that others tell"
             )
             solution = replace(solution, status=Status.DEGENERATE)
         elif status is Status.UNRESOLVED and may_be_family(run, status):

@@ -132,6 +132,16 @@ class Unfixed(Workspace[UnfixedPath]):
                 self.checked = True
         return UnfixedPath(tr, y, size, lengths, self.gain, bordered=bordered)
 
+    def renew_units(self) -> None:
+        """Transcribe once more a path whose coordinates have become far smaller than their units.
+
+        What Newton's method brings to zero has for its unit what was left of it on the last mesh.
+        """
+        found = self.here
+        lengths = coordinate_scales(self._at_times(self.problem, found.path), found.Q)[1]
+        if not alike(lengths, found.tr) and not self.transfer(found.mesh, least=False):
+            self.here = found
+
     @property
     def _times(self) -> Array | None:
         """The times of a course's events, those of the path at hand if there is one."""
@@ -644,6 +654,8 @@ class _FreeBoundarySearch:
         merged = status in (Status.NOT_FOUND, Status.UNRESOLVED) and first.merged is not None
         if first.merged is not None and merged:
             run.here, status = run._around(first.merged.path, first.merged.rows), Status.DEGENERATE
+        if status.success:
+            run.renew_units()
         here = run.here
         here.tr.watch = here.bordered.first.watch = None  # a verdict is not left half done
         solution = solution_of(run, status, run.found_by, started)
