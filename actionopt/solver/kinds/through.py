@@ -391,10 +391,15 @@ def _are_only_passed(problem: Problem) -> bool:
 
     A surface that is passed from one law to the same, at a time to be found, changes no momentum.
     """
-    fixed = bool(problem.start.pinned and problem.end.pinned) and problem.advance is None
-    passed = (e.t is None and e.on is not None and not e.pinned for e in problem.through)
-    bounces = any(isinstance(e, Bounce) for e in problem.joints)
-    return fixed and not bounces and not isinstance(problem.question, tuple) and all(passed)
+    ends = (problem.start, problem.end)
+    if problem.advance is not None or not all(e.pinned and e.t is not None for e in ends):
+        return False
+    if not problem.through or problem.system.order > 1 or isinstance(problem.question, tuple):
+        return False
+    return not any(
+        isinstance(e, Bounce) or e.on is None or e.pinned or e.t is not None
+        for e in problem.through
+    )
 
 
 def _first_legs(
