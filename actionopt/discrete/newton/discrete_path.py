@@ -14,7 +14,7 @@ from actionopt.discrete.newton.newton import follow
 from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.question.scales import NEGLIGIBLE
 from actionopt.tools.cached import cached_property
-from actionopt.tools.immutable import immutable
+from actionopt.tools.immutable import immutable, make_unchecked
 from actionopt.tools.types import Array
 
 
@@ -180,8 +180,7 @@ class DiscretePath:
 
     def _as_seen_in(self, other: DiscretePath) -> DiscretePath:
         """Return another path of the same curve, with what is known of that."""
-        other.__dict__["left_out"] = self.left_out
-        return other
+        return make_unchecked(DiscretePath, **vars(other) | {"left_out": self.left_out})
 
     def rows_on(self, mesh: Mesh, lam: Array | None = None) -> Array | None:
         """Return the multipliers `lam` or, interpolated, these at the nodes of `mesh`, (K, m)."""
