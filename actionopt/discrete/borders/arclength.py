@@ -206,9 +206,14 @@ class Branch:
         point = BranchPoint(self.at(s), z, s, ahead)
         return self.to(point, s) or replace(point, direction=self._direction(point))
 
-    def step(self, point: BranchPoint, length: float) -> tuple[BranchPoint, int] | None:
-        """Return the point at about `length` further along and the corrections it took, or None."""
-        y = np.r_[point.z, point.s] + length * point.direction
+    def step(
+        self, point: BranchPoint, length: float, first: Array | None = None
+    ) -> tuple[BranchPoint, int] | None:
+        """Return the point at about `length` further along and the corrections it took, or None.
+
+        From a `first` (z, s) if there is one, else from the tangent.
+        """
+        y = np.r_[point.z, point.s] + length * point.direction if first is None else first
         found = self._correct(y, point.direction, CORRECTIONS, BEND * length)
         if found is None or not np.abs(found.y[: found.tr.layout.unknowns]).max() < RUNAWAY_SIZE:
             return None

@@ -18,8 +18,11 @@ from actionopt.discrete.borders.arclength import Branch, BranchPoint
 from actionopt.discrete.meshes.path import Path
 from actionopt.tools.immutable import immutable
 from actionopt.tools.shown import one_line
+from actionopt.tools.types import Array
 
-LOCATED = 1e-12  # change of arclength that ends the search for a point
+# Arclength from a point that is known, so near that a tangent leads on: it misses the branch, and
+# s where that turns, by the square. Derived: EPS^(1/2).
+LOCATED = 1e-8
 LOCATE_STEPS = 60
 # Two folds nearer together than this part of the range of s are no pair. Ad hoc, far above what
 # `arclength.LAST_CORRECTION` leaves in s; at a cusp, where ds/dsigma touches 0, met in ten steps.
@@ -116,38 +119,57 @@ class StepTrial(NamedTuple):
 def locate(
     branch: Branch, here: BranchPoint, there: BranchPoint, function: Callable[[BranchPoint], float]
 ) -> BranchPoint | None:
-    """Return the point between two ones at which `function` vanishes (Illinois).
+    """Return the point between two ones at which `function` vanishes.
 
-    None where no steps lead to it.
+    By inverse interpolation, each point from where the cubic between those beside it leads. None
+    where no steps lead to it.
     """
-
-    def trial_at(length: float) -> StepTrial | None:
-        taken = branch.step(here, length)
-        return None if taken is None else StepTrial(length, taken[0], float(function(taken[0])))
-
     chord = np.r_[there.z - here.z, there.s - here.s]
     length = branch.inner(here.tr, chord, here.direction)
     low = StepTrial(0.0, here, float(function(here)))
     high = StepTrial(length, there, float(function(there)))
     if low.value * high.value > 0:
         return None
-    at_low, at_high, side = low.value, high.value, 0
+    tried, near, left = [low, high], low, length
     for _ in range(LOCATE_STEPS):
-        a, b = low.length, high.length
-        last = max(abs(at_low), abs(at_high))
-        if b - a < LOCATED or min(abs(low.value), abs(high.value)) <= 1e-13 * last:
+        length = _zero(tried)
+        if not low.length <= length <= high.length:
+            length = (low.length + high.length) / 2
+        near = min(low, high, key=lambda trial: abs(trial.length - length))
+        left = length - near.length
+        if abs(left) < LOCATED:
             break
-        length = (a * at_high - b * at_low) / (at_high - at_low)
-        trial = trial_at(length if a < length < b else (a + b) / 2)
-        if trial is None:
+        taken = branch.step(here, length, _between(branch, here, low, high, length))
+        if taken is None:
             return None
-        if trial.value * high.value > 0:
-            at_low = at_low / 2 if side == 1 else at_low
-            high, at_high, side = trial, trial.value, 1
-        else:
-            at_high = at_high / 2 if side == -1 else at_high
-            low, at_low, side = trial, trial.value, -1
-    part = low.value / (low.value - high.value)
-    z = low.point.z + part * (high.point.z - low.point.z)
-    s = low.point.s + part * (high.point.s - low.point.s)
-    return BranchPoint(branch.at(s), z, s, low.point.direction)
+        trial = StepTrial(length, taken[0], float(function(taken[0])))
+        low, high = (low, trial) if trial.value * high.value > 0 else (trial, high)
+        tried.append(trial)
+    y = np.r_[near.point.z, near.point.s] + left * _tangent(branch, here, near)
+    s = float(y[-1])
+    return BranchPoint(branch.at(s), y[:-1], s, near.point.direction)
+
+
+def _zero(tried: list[StepTrial]) -> float:
+    """Return where the polynomial through trials vanishes that tells lengths by values."""
+    values = np.array([trial.value for trial in tried])
+    others = ~np.eye(values.size, dtype=bool)
+    with np.errstate(all="ignore"):  # where two values are the same
+        parts = values / (values - values[:, None])
+    return float(np.prod(parts, axis=1, where=others) @ [trial.length for trial in tried])
+
+
+def _tangent(branch: Branch, here: BranchPoint, trial: StepTrial) -> Array:
+    """Return the change of (z, s) by the length along the direction of a point `here`."""
+    along = trial.point.direction
+    return along / branch.inner(here.tr, along, here.direction)
+
+
+def _between(
+    branch: Branch, here: BranchPoint, low: StepTrial, high: StepTrial, length: float
+) -> Array:
+    """Return where the cubic between two trials is so far along, (z, s)."""
+    step, x = high.length - low.length, (length - low.length) / (high.length - low.length)
+    a, b = (np.r_[trial.point.z, trial.point.s] for trial in (low, high))
+    left, right = (step * _tangent(branch, here, trial) for trial in (low, high))
+    return a + x * (b - a) + x * (1 - x) * ((1 - x) * (left - b + a) - x * (right - b + a))
