@@ -39,7 +39,8 @@ def may_be_family(ws: Workspace, status: Status) -> bool:
     if status is Status.DEGENERATE:  # of linear equations there may be no path at all
         return not ws.linear
     if not (status.success or status is Status.FLOOR):
-        return status is Status.UNRESOLVED or (status in LOST and ws.unpolished is not None)
+        lost = status is Status.UNRESOLVED or (status in LOST and ws.unpolished is not None)
+        return lost and not is_alone(ws.problem)
     here = ws.here
     if ws.problem.closes and is_at_rest(here.Q, here.tr.lengths.max()):
         return True  # the mesh of a rest resolves none of its neighbours
@@ -67,11 +68,15 @@ def is_soft(here: Iterate) -> bool:
 
 
 def is_alone(problem: Problem) -> bool:
-    """Whether closed paths are no family: those of one coordinate, whose energy tells their size.
+    """Whether paths are no family: of one coordinate, whose energy tells the velocity anywhere.
 
     Beside a saddle they change by much with the energy, which looks like a family.
     """
-    return problem.closes and problem.free_time and problem.system.n == problem.system.order == 1
+    law = problem.system
+    if not (problem.free_time and law.n == law.order == 1):
+        return False
+    between = problem.start.pinned and problem.end.pinned and problem.integral is None
+    return problem.closes or (bool(between) and not law.structure.depends_on_time)
 
 
 def judge_family(ws: Workspace, solution: Solution) -> Solution:

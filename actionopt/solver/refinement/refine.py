@@ -276,12 +276,15 @@ def _failure(ws: Workspace) -> Status:
     """Return why a path cannot be refined: it is not determined, or was no path.
 
     It is not determined where round-off is amplified since the action hardly bends in a direction.
-    Otherwise the forces are rounded coarsely, as near a pole in time. The matrix tells nothing of a
-    path at which Newton's method has not been, unless the equations are linear; nor does one that
-    is not finite, as where a node lies on a kink of L that is written as arccos(cos(q)).
+    Otherwise the forces are rounded coarsely, as near a pole in time, or it is one of no family.
+    The matrix tells nothing of a path at which Newton's method has not been, unless the equations
+    are linear; nor does one that is not finite, as where a node lies on a kink of L that is written
+    as arccos(cos(q)).
     """
+    from actionopt.solver.refinement.family import is_alone
+
     known = ws.linear or np.isfinite(ws.here.error)
-    if not (known and ws.here.noise > ILL_CONDITIONED):
+    if not (known and ws.here.noise > ILL_CONDITIONED) or is_alone(ws.problem):
         return Status.UNRESOLVED
     try:
         bends = ws.here.with_probed(ws.many).growth < BENDING
