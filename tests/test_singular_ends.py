@@ -262,6 +262,11 @@ def test_derivatives_at_a_singular_end_are_nan_where_there_are_none():
     assert found.q0q0[0, 0] == pytest.approx(found.q1q1[0, 0], rel=1e-10)  # moved as one
     assert found.q0q1[0] == pytest.approx(-found.q1q1[0], rel=1e-6)
     assert np.isnan(found.q0q0[1]).all() and np.isnan(found.q0q1[1]).all()
+    back = ao.solve(
+        ao.Problem(BRACHISTOCHRONE, ao.Event(0, [1, 0.7]), ao.Event(1, [0, 0])), tol=1e-10
+    )
+    assert back.sensitivity().q1q1[0, 0] == pytest.approx(found.q1q1[0, 0], rel=1e-10)
+    assert back.sensitivity().q0q0 == pytest.approx(found.q1q1, rel=1e-10)
     atom = ao.System(lambda q, v, r: v[0] ** 2 / 2 - q[0] ** 2 / r, ["u"])
     radial = ao.solve(ao.Problem(atom, ao.Event(0, [0]), ao.Event(3, [1])))
     assert radial.momenta[0] == pytest.approx(radial.velocity(0.0), rel=1e-6)

@@ -55,12 +55,35 @@ def fields(form: Form, plane: Array | None = None) -> tuple[list[Array], Array]:
     From one element to the next they are recombined. And the plane at the end. Raises ValueError
     where the start does not determine them.
     """
+    return _fields(form, form.elements, form.pinned[0], plane)
+
+
+def _fields_from_singular_end(form: Form) -> list[Array]:
+    """Return what `fields` does first, from the end if L is infinite there alone.
+
+    Fields that come from elsewhere are infinite there, and are resolved by no mesh.
+    """
+    if form.tr.mesh.singular_ends[0] or not form.tr.mesh.singular_ends[1]:
+        return fields(form)[0]
+    r = form.freedom
+    shapes = [(len(E) // r, r, len(E) // r, r) for E in form.elements]
+    turned = [
+        E.reshape(shape)[::-1, :, ::-1].reshape(E.shape)
+        for E, shape in zip(form.elements, shapes, strict=True)
+    ]
+    found, _ = _fields(form, turned[::-1], form.pinned[1], None)
+    return [x[::-1] for x in found[::-1]]
+
+
+def _fields(
+    form: Form, elements: list[Array], pinned: int, plane: Array | None
+) -> tuple[list[Array], Array]:
     r, unit = form.freedom, form.momentum_unit
-    held = np.arange(r) < form.pinned[0]
+    held = np.arange(r) < pinned
     if plane is None:
         plane = np.concatenate([np.diag(1.0 * ~held), np.diag(1.0 * held)])
     try:
-        return propagate(form.elements, unit, plane)
+        return propagate(elements, unit, plane)
     except np.linalg.LinAlgError:
         check_legendre(form)  # the usual reason
         raise ValueError(
@@ -202,7 +225,7 @@ def finer(
     if Q is not None:
         tail = tails(mesh, [Q[g.nodes] for g in mesh.groups])
     if form is not None and form.freedom:
-        (jacobi, _), tables = fields(form), []
+        jacobi, tables = _fields_from_singular_end(form), []
         for g in mesh.groups:
             a = np.stack([jacobi[e] for e in g.elements])
             eta = np.einsum("eknr,ekrc->eknc", form.basis[g.nodes], a)

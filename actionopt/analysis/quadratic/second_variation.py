@@ -249,39 +249,73 @@ def _element_forms(
     return elements, kinetic
 
 
-def lift_ends(form: Form) -> list[Array]:
-    """Return the elements for `condense`, those at singular ends on other variations.
+def ends_hessian(form: Form) -> Array:
+    """Return (k0 + k1, k0 + k1) derivatives of the action, by directions pinned at start and end.
 
-    There an end node moves its element along a straight line: where L_vv is infinite at the end,
-    the entries of a node alone cancel to a part of 1e-6 of what is left when the nodes between are
+    Where L_vv is infinite at an end, an end that moves takes the whole path along a straight line:
+    entries of single nodes cancel to a part of 1e-6 of what is left when those between are
     eliminated, and those of lines hardly. Under constraints, which lines leave, as they are.
     """
-    at, tr, problem = form.at, form.tr, form.at.problem
-    ends, elements = tr.mesh.singular_ends, list(form.elements)
-    if problem.system.m or not any(ends):
-        return elements
-    *coefficients_of, coupling = coefficients(problem, *tr.state(at.Q), tr.times)
-    scale, boundary = form.units[:, None] * form.units, [np.zeros_like(E) for E in elements]
+    if form.tr.problem.system.m or not any(form.tr.mesh.singular_ends):
+        return condense(form).hessian
+    r, lines = form.freedom, sum(form.pinned)
+    front, last = np.zeros((lines, lines)), len(form.elements) - 1
+    for e, E in enumerate(_lift_ends(form)):
+        shared = r if e else 0
+        old, size = len(front), len(front) + len(E) - lines - shared
+        grown, own = np.zeros((size, size)), np.r_[:lines, old - shared : size]
+        grown[:old, :old] = front
+        grown[np.ix_(own, own)] += E
+        front, _ = _eliminate(grown, lines, size - r if e < last else size, force=e == last)
+    return front
+
+
+def _lift_ends(form: Form) -> list[Array]:
+    """Return d2S on each element, by lines that each pinned direction moves, then by its nodes.
+
+    Without the pinned directions of the end nodes, which are those lines.
+    """
+    at, tr, (begun, ended), r = form.at, form.tr, form.pinned, form.freedom
+    *coefficients_of, coupling = coefficients(at.problem, *tr.state(at.Q), tr.times)
+    scale, boundary = form.units[:, None] * form.units, [np.zeros_like(E) for E in form.elements]
     A, B, C = (x * scale for x in coefficients_of)
     _add_boundary_terms(at, boundary, form.basis, scale, coupling, phase=True)
-    singular = {e for e, end in zip((0, tr.mesh.elements - 1), ends, strict=True) if end}
+    ends = np.hstack([form.basis[0][:, :begun], form.basis[-1][:, :ended]])
+    rising = np.repeat([False, True], form.pinned)
+    result, since = list(form.elements), tr.mesh.since
+
+    def between(left: Array, M: Array, right: Array) -> Array:
+        return np.einsum("kxa,kxy,kyb->ab", left, M, right, optimize=True)
+
     for g in tr.layout.groups:
-        k, rule = g.rule.degree + 1, g.rule
-        values = np.eye(k)
-        values[:, -1] = (rule.nodes - rule.nodes[0]) / (rule.nodes[-1] - rule.nodes[0])
-        values[:, 0] = 1.0 - values[:, -1]
-        rates = rule.derivative @ values
-        rates[:, 0] = -rates[:, -1]
-        for i in np.flatnonzero(np.isin(g.elements, list(singular))):
-            e, own = g.elements[i], slice(g.span.start + i * k, g.span.start + (i + 1) * k)
-            half, w, Z = tr.half[e], rule.weights, form.basis[g.nodes[i]]
-            mixed = np.einsum("k,ka,kxy,kb->axby", w, values, B[own], rates)
-            E = np.einsum("k,ka,kxy,kb->axby", w * half, values, A[own], values)
-            E += np.einsum("k,ka,kxy,kb->axby", w / half, rates, C[own], rates)
-            E += mixed + mixed.transpose(2, 3, 0, 1)
-            E = np.einsum("axr,axby,bys->arbs", Z, E, Z)
-            elements[e] = E.reshape(boundary[e].shape) + boundary[e]
-    return elements
+        k, D, w = g.rule.degree + 1, g.rule.derivative, g.rule.weights[:, None, None]
+        done, left = (abs(g.rule.nodes - end)[:, None, None] for end in g.rule.nodes[[0, -1]])
+        for i, e in enumerate(g.elements):
+            span, half = slice(g.span.start + i * k, g.span.start + (i + 1) * k), tr.half[e]
+            Z, parts = form.basis[g.nodes[i]], ends / tr.mesh.duration
+            # Each from its own end, so that what is left by a singular one has its digits.
+            before, after = (
+                since[e] - since[0] + half * done,
+                since[-1] - since[e + 1] + half * left,
+            )
+            lines = parts * np.where(rising, before, after)
+            turns = parts * half * np.tensordot(D, np.where(rising, done, left), 1)
+            nodal, slopes = (
+                np.einsum("kj,jxr->kxjr", X, Z).reshape(*Z.shape[:2], -1) for X in (np.eye(k), D)
+            )
+            values, rates = np.dstack([lines, nodal]), np.dstack([turns, slopes])
+            mixed = between(values, w * B[span], rates)
+            E = between(values, w * half * A[span], values) + mixed + mixed.T
+            E += between(rates, w / half * C[span], rates)
+            nodes = np.hstack([(Z.swapaxes(1, 2) @ lines).reshape(k * r, -1), np.eye(k * r)])
+            E += nodes.T @ boundary[e] @ nodes
+            gone = np.zeros(len(E), dtype=bool)
+            if e == 0:
+                gone[len(rising) : len(rising) + begun] = True
+            if e == tr.mesh.elements - 1:
+                gone[len(E) - r : len(E) - r + ended] = True
+            result[e] = E[np.ix_(~gone, ~gone)]
+    return result
 
 
 def _add_boundary_terms(

@@ -18,7 +18,7 @@ import numpy as np
 
 from actionopt.analysis.quadratic.assembled import AssembledForm, assemble, some_columns
 from actionopt.analysis.quadratic.jacobi import resolve
-from actionopt.analysis.quadratic.second_variation import Form, condense, form, lift_ends, tangent
+from actionopt.analysis.quadratic.second_variation import Form, ends_hessian, form, tangent
 from actionopt.discrete.borders.bordered import equations_of
 from actionopt.discrete.borders.contact_times import bend_of_contacts
 from actionopt.discrete.borders.end_times import jumps_of
@@ -43,9 +43,6 @@ from actionopt.tools.types import EPS, RANK, Array
 # What the mesh leaves out of Jacobi fields; derived: second derivatives converge twice as fast, to
 # 1e-10. Measured: along paths known to 1e-8, some at rest, off by 4e-11 at most, as with 1e-8 here.
 SENSITIVITY_RESOLUTION = 1e-5
-# The same where L_vv is infinite at an end. Measured by two kernels: elements there are stiff, and
-# round-off leaves 2e-10 of a second derivative on the coarser mesh, 1e-10 on this one.
-SINGULAR_RESOLUTION = 1e-8
 # Coordinates from which on columns may be grouped, how many times fewer these are to be, and what
 # they may have in common, of the largest: some round-off. Ad hoc.
 GROUPED, FEWER, FELT = 80, 2, 16 * EPS
@@ -286,8 +283,7 @@ def _second_alone(at: DiscretePath, error: float) -> tuple[Array, Array, Array]:
         found = None if form is None else _second_assembled(form)
         if found is not None:
             return found
-    singular = any(at.mesh.singular_ends)
-    return _second(resolve(at, error, SINGULAR_RESOLUTION if singular else SENSITIVITY_RESOLUTION))
+    return _second(resolve(at, error, SENSITIVITY_RESOLUTION))
 
 
 def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
@@ -384,7 +380,7 @@ def _along(form: AssembledForm, moved: list[Array], by: list[Array]) -> Array | 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:
     """Return the second derivatives by q0 twice, q0 and q1, q1 twice, each (n, n)."""
-    hessian = condense(form, lift_ends(form)).hessian
+    hessian = ends_hessian(form)
     problem, n = form.tr.problem, form.units.size
     maps, first = [], 0
     for k, count in enumerate(form.pinned):
