@@ -8,6 +8,7 @@ import pytest
 import systems
 from helpers import a_quarter, motion
 from scipy.optimize import brentq
+from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import scenes
@@ -206,6 +207,27 @@ def test_changes_of_the_index_take_a_few_factorizations_each():
     assert [(m.before, m.after) for m in found.marks] == [(0, 1), (1, 2)]
     assert [m.value for m in found.marks] == pytest.approx(np.pi / w, abs=1e-9)
     assert found.stats["factorizations"] < 40
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("e", "index"), [(1e-5, 0), (1e-9, 1)])
+def test_a_pitchfork_is_one_if_it_is_imperfect_by_no_more_than_the_tolerance(e, index):
+    """y is that of a pendulum held upright at an end, but for e: it buckles at w^2 = pi^2."""
+
+    def lagrangian(q, v, t, *, w2):
+        return v @ v / 2 + w2 * np.cos((q[0] - q[1]) / np.sqrt(2))  # x and y at 45 degrees
+
+    system = ao.System(lagrangian, ["a", "b"], parameters={"w2": 9.0})
+    end = ao.Event(1.0, np.array([1 + e, 1 - e]) / np.sqrt(2))
+    found = trace(ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), end), "w2", 11.0)
+    assert found.stopped == "it reached the goal" and found.indices[-1] == index
+    assert [m.value for m in found.marks] == pytest.approx([np.pi**2] * index, abs=1e-7)
+    a, b = found.paths[-1](0.5)
+    if index:
+        assert abs(a - b) < 1e-6
+    else:  # the amplitude y of a swing that is 0 at both ends: sqrt(w2) = 2 K(sin^2 y/2)
+        amplitude = brentq(lambda y: 2 * ellipk(np.sin(y / 2) ** 2) - np.sqrt(11.0), 0.1, 2.0)
+        assert (a - b) / np.sqrt(2) == pytest.approx(amplitude, abs=1e-4)
 
 
 def test_branches_that_miss_each_other_have_no_mark():

@@ -122,7 +122,7 @@ def _locate(
         if size < SETTLED_POINT:
             # Amplitude times arclength is constant along branches that miss each other, hyperbolas.
             off = np.r_[at.null @ np.linalg.solve(at.by_au, at.beta), 0.0]
-            apart = np.sqrt(branch.norm(tr, off) * branch.norm(tr, chord))
+            apart = branch.norm(tr, off) * branch.norm(tr, chord)
             is_met = abs(part) <= 0.5 and apart <= gap
             return BranchPoint(tr, y[:-1], float(y[-1]), at.along) if is_met else None
     return None
