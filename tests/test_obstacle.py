@@ -18,13 +18,13 @@ from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.borders.borders import times_of
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
-from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.families.searches.obstacle_search import curves
 from actionopt.mechanics.laws.switches import minimum_parts
 from actionopt.mechanics.question.held import Held
 from actionopt.mechanics.question.obstacle import Arc
 from actionopt.solver.contact import first_contacts, least_along
-from actionopt.solver.contact.first_contacts import _where_zero, other_sides
+from actionopt.solver.contact.first_contacts import _where_zero, other_sides, rows_between
+from actionopt.solver.contact.obstacle import Along
 from actionopt.solver.contact.taut_strings import WayOut, parts_at_zero
 from actionopt.solver.kinds import free_contact
 from actionopt.tools.watch import OutOfTime
@@ -187,11 +187,28 @@ def test_a_string_drawn_round_a_disc_meets_it_when_the_shortest_way_does():
     A, B = (-2, 0.3), (2, 0)
     held = Held(ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B)), ())
     line = Path(Mesh.uniform(0.0, 1.0, 1, 1), np.array([A, B], dtype=float).T)
-    out = WayOut.of(DiscretePath.of(held, line.on(Mesh.uniform(0.0, 1.0, 16, 4))))
+    out = WayOut.of(held, line.on(Mesh.uniform(0.0, 1.0, 16, 4)))
     assert out is not None
     _, (arc,) = out.strings.draw(lambda _: out.normal)
     # Angles of 1e-4 are zero to it: the square of that, and of what its curve leaves out.
     assert (arc.begin, arc.end) == pytest.approx(around(A, B)[2], abs=2e-6)
+
+
+def test_a_path_round_a_disc_begins_on_few_elements_with_its_own_multipliers():
+    problem = ao.Problem(body(disc()), ao.Event(0, (-2, 0.3)), ao.Event(1, (2, 0)))
+    sol = ao.solve(problem, tol=1e-6)
+    (arc,), b = sol.contacts, sol.mesh.boundaries
+    assert np.count_nonzero(b < arc.begin) == np.count_nonzero(b > arc.end) == 1  # straight lines
+    ws = Along(Held(problem, sol.contacts), tol=1e-6)
+    on, first = np.isfinite(sol.lam), ws._contact_multipliers(sol.path).T
+    # Where contact begins and ends, half of the row or less is in contact.
+    assert first[on] == pytest.approx(sol.lam[on], rel=1e-4)
+    # Long elements are looked at as often as short ones.
+    held, ends = Held(problem, ()), np.array([problem.start.q, problem.end.q], dtype=float).T
+    line = Path(Mesh.uniform(0.0, 1.0, 1, 1), ends)
+    apart = [np.diff(rows_between(held, line.on(Mesh.uniform(0.0, 1.0, k, 6))).t) for k in (1, 8)]
+    assert apart[0].max() <= apart[1].max() * (1 + 1e-9)
+    assert apart[0].min() > 1e-6
 
 
 @pytest.mark.parametrize("f", [[-1.0, -1.0, 1.0, 2.0], [-2.0, -1.0, 1.0, 1.0]])

@@ -41,6 +41,7 @@ UNSEEN = 1e-9  # in units of the rows: what f is below zero there
 # parts of each interval in which f is least, and how often it shrinks
 CLOSEST, CLOSEST_ROUNDS = np.linspace(0.0, 1.0, 40), 4
 TURN = np.pi / 4  # of the obstacle's normal along an element
+ROUND_SHARE = 1e-6  # of an element, what is round-off of its length; ad hoc
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
@@ -179,7 +180,10 @@ def hidden_contact_times(found: DiscretePath) -> list[Array]:
 
     There elements have to be shorter for their nodes to see it.
     """
-    (t, _, _, f), reach = sample_rows(found), float(np.diff(found.mesh.nodes).max())
+    (t, _, _, f), reach = (
+        sample_rows(contacts_of(found.problem), found.path),
+        float(np.diff(found.mesh.nodes).max()),
+    )
     arcs, windows = contact_parts(found), []
     for i, row in enumerate(f < -UNSEEN * found.tr.row_units[-len(f) :, None]):
         for k, l in runs(row):
@@ -202,13 +206,19 @@ def narrow_contact_times(found: DiscretePath) -> list[Array]:
 
 
 def cut_part(
-    a: float, b: float, duration: float, times: Array | None = None, turned: Array | None = None
+    a: float,
+    b: float,
+    duration: float,
+    free: float = COARSE_ELEMENTS,
+    times: Array | None = None,
+    turned: Array | None = None,
 ) -> Array:
     """Return the times after a, up to b, at which elements of a path of a duration end.
 
-    By the angles (K,) by which an obstacle's normals `turned` at times (K,) from a to b, if any.
+    By the angles (K,) by which an obstacle's normals `turned` at times (K,) from a to b, if there
+    is contact; else by so many elements of a `free` path over the whole duration.
     """
-    count = max(math.ceil(COARSE_ELEMENTS * (b - a) / duration), 1)
+    count = max(math.ceil((free if times is None else COARSE_ELEMENTS) * (b - a) / duration), 1)
     if times is None or turned is None or not turned[-1] > TURN * count:
         since = a + (b - a) * (np.arange(1, count + 1) / count)
         since[-1] = b
@@ -219,15 +229,16 @@ def cut_part(
     return np.append(np.interp(np.linspace(0.0, 2.0, count + 1)[1:-1], both, times), b)
 
 
-def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Array]:
+def normal_turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, ...]:
     """Return times (K,) from a to b, since the start, and by what angle (K,) normals turned.
 
-    Those of the rows that are in contact all the while; of the most, where there are more.
+    Those of the rows that are in contact all the while; of the most, where there are more. Nothing
+    where there are none.
     """
     m, start = held.free.system.m, held.start.t
     rows = m + np.flatnonzero(held.active(np.array([start + (a + b) / 2]))[m:, 0])
     if not rows.size:
-        return np.array([a, b]), np.zeros(2)
+        return ()
     since = path.mesh.nodes_since
     times = np.concatenate([[a], since[(a < since) & (since < b)], [b]])
     turned, t = np.zeros(times.size), times + start
@@ -254,41 +265,54 @@ class SampledPath(NamedTuple):
 
 
 @cache
-def _points(rule: Rule) -> tuple[Array, Array]:
+def _points(rule: Rule, parts: int) -> tuple[Array, Array]:
     """Return where an element is looked at, (L,), in its length, and what tells q and v there.
 
-    But for its end; the matrices (2, L, d + 1) are of its nodes.
+    But for its end; the matrices (2, L, d + 1) are of its nodes. Each of its `parts` is looked at
+    as often.
     """
-    xi = np.union1d(rule.nodes[:-1], lgl(BETWEEN).nodes[1:-1])
+    xi = (np.arange(parts)[:, None] + (lgl(BETWEEN).nodes[:-1] + 1) / 2).ravel() * (2 / parts) - 1
+    xi = np.union1d(rule.nodes[:-1], xi)
+    xi = xi[np.diff(xi, prepend=-np.inf) > ROUND_SHARE]
     return (xi + 1) / 2, np.stack([rule.interpolation(xi), rule.slopes(xi)])
 
 
-def rows_between(found: DiscretePath) -> SampledPath:
-    """Return a path at its nodes and at others between."""
-    mesh, Q, n = found.mesh, found.Q, found.Q.shape[1]
+def rows_between(held: Held, path: Path) -> SampledPath:
+    """Return a path at its nodes and at others between.
+
+    These are as near each other as on elements that are not few.
+    """
+    mesh, Q = path.mesh, path.values.T
+    n, shares = Q.shape[1], mesh.lengths * (COARSE_ELEMENTS / mesh.duration)
+    # What is no longer by round-off is one part.
+    parts = np.maximum(np.ceil(shares - ROUND_SHARE), 1.0)
     times, places, rates = [mesh.boundaries[-1:]], [Q[-1:]], []
     for g in mesh.groups:
-        (part, matrices), h = _points(g.rule), mesh.lengths[g.elements, None]
-        q, v = matrices[:, None] @ Q[g.nodes]
-        times.append((mesh.boundaries[g.elements, None] + h * part).ravel())
-        places.append(q.reshape(-1, n))
-        rates.append((v * (2 / h[:, :, None])).reshape(-1, n))
+        of_each = parts[g.elements]
+        for count in sorted(set(of_each.tolist())):
+            mine = (of_each == count).nonzero()[0]
+            (part, matrices), h = _points(g.rule, int(count)), mesh.lengths[g.elements[mine], None]
+            q, v = matrices[:, None] @ Q[g.nodes[mine]]
+            times.append((mesh.boundaries[g.elements[mine], None] + h * part).ravel())
+            places.append(q.reshape(-1, n))
+            rates.append((v * (2 / h[:, :, None])).reshape(-1, n))
         if g.elements[-1] == mesh.elements - 1:
-            rates.insert(0, g.rule.derivative[-1:] @ Q[g.nodes[-1]] * (2 / h[-1]))
+            h = mesh.lengths[-1]
+            rates.insert(0, g.rule.derivative[-1:] @ Q[g.nodes[-1]] * (2 / h))
     t, q, v = (np.concatenate(x) for x in (times, places, rates))
     order = t.argsort(kind="stable")
     t, q, v = t[order], q[order], v[order]
-    return SampledPath(t, q, v, contacts_of(found.problem).rows(q, t))
+    return SampledPath(t, q, v, held.rows(q, t))
 
 
-def sample_rows(found: DiscretePath) -> SampledPath:
+def sample_rows(held: Held, path: Path) -> SampledPath:
     """Return a path between the nodes, also where a row is least among its neighbours.
 
     And where one may be least beside an end of the path or of contact: there f is zero and may
     fall before it grows.
     """
-    held, seen = contacts_of(found.problem), rows_between(found)
-    t, rows, path = seen.t, seen.rows, found.path
+    seen = rows_between(held, path)
+    t, rows = seen.t, seen.rows
     falls, grows = rows[:, 1:] < rows[:, :-1], rows[:, 1:] > rows[:, :-1]
     on = np.zeros(rows.shape, dtype=bool)
     if held.arcs:

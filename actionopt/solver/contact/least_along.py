@@ -24,7 +24,7 @@ from actionopt.discrete.meshes.boundaries import with_boundaries
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
 from actionopt.discrete.newton.discrete_path import DiscretePath
-from actionopt.mechanics.question.held import Held
+from actionopt.mechanics.question.held import Held, contacts_of
 from actionopt.mechanics.question.obstacle import Arc
 from actionopt.mechanics.question.problem import Problem
 from actionopt.solver.contact.first_contacts import (
@@ -50,7 +50,7 @@ from actionopt.solver.contact.obstacle import (
 )
 from actionopt.solver.contact.taut_strings import Strings, WayOut
 from actionopt.solver.refinement.family import is_soft
-from actionopt.solver.refinement.first_mesh import FIRST_TOL
+from actionopt.solver.refinement.first_mesh import FIRST_TOL, LINEAR, plan_mesh, steady_rates
 from actionopt.solver.refinement.iterate import Iterate
 from actionopt.solver.refinement.refine import refine
 from actionopt.tools.types import EPS, Array
@@ -181,7 +181,7 @@ def _draw_strings(
     if problem.system.n == 1 or problem.system.m or problem.is_course:
         return None
     sizes, free = problem.measures, _free_path(ws, mesh)
-    strings = Strings.round(free)
+    strings = Strings.round(contacts_of(free.problem), free.path)
     for sign in (1.0, -1.0) if guess is None else (1.0,):
         ws.restart()
         ws.take_up(free)
@@ -190,7 +190,7 @@ def _draw_strings(
             away = sign * sideways(free) if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
-        string = strings.draw(side, ws.first_degree(True))
+        string = strings.draw(side, ws.first_degree(True), ws.free_elements(True))
         if string is None:
             continue
         status = refine_contact(ws, tol, string[1], string[0])
@@ -207,7 +207,15 @@ def _free_path(ws: Along, mesh: Mesh) -> Iterate:
 
 
 def _least_linear(ws: Along, mesh: Mesh) -> Iterate | None:
-    """Return the path of linear equations that sees no obstacle; None if it is not least."""
+    """Return the path of linear equations that sees no obstacle; None if it is not least.
+
+    On the mesh on which it would be found without one, or on a given one if that has less nodes.
+    """
+    problem = ws.question
+    if problem.system.structure.steady and not any(problem.singular_ends):
+        ws.phases = max(steady_rates(problem))
+        planned = plan_mesh(problem, ws.tol, LINEAR)
+        mesh = min(mesh, planned, key=lambda x: x.offsets[-1])
     _stand_free(ws, mesh, sought=False)
     tr, z = ws.here.tr, ws.here.z
     with ws.record.clock("solve"), suppress(np.linalg.LinAlgError):
@@ -243,7 +251,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     free = _least_linear(ws, mesh)
     if free is None:
         return None
-    out = WayOut.of(free)
+    out = WayOut.of(contacts_of(free.problem), free.path.on(mesh))
     if out is None:
         status = refine_contact(ws, tol, ())
         least = status.success and not ws.contact_problem.arcs and not ws.here.index
@@ -254,7 +262,8 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     for side in (out.normal, -out.normal) if n == 2 else (out.normal,):
         if best and far > best[0].here.action:
             return best
-        string = out.strings.draw(lambda _, side=side: side, ws.first_degree(True))
+        count = ws.free_elements(True)
+        string = out.strings.draw(lambda _, side=side: side, ws.first_degree(True), count)
         if string is None or len(string[1]) != 1 or _meets_another(problem, *string):
             return best and (*best[:2], False)
         if n > 2 and far < _action_of(problem, string[0].mesh.nodes_since, string[0].values.T):

@@ -50,7 +50,7 @@ from actionopt.solver.contact.first_contacts import (
     sample_rows,
 )
 from actionopt.solver.ends.window import set_phase
-from actionopt.solver.refinement.first_mesh import COARSE_DEGREE
+from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS, elements_of
 from actionopt.solver.refinement.ipopt import IPOPT_TOLERANCE
 from actionopt.solver.refinement.iterate import Iterate, UnfixedPath
 from actionopt.solver.refinement.signals import HALVINGS
@@ -85,6 +85,9 @@ RATE_DOUBT = 10.0  # times the ratio of two steps, that of the next: measured up
 # contract. One may correct what the last step left of the path: taken for round-off it lost 14 of
 # 72 walls of 1:100.
 STALLED_TIME = 1e-6
+# Part of what weighs a row where contact begins or ends, below which the whole multiplier stands
+# there at first. Strings round walls of 1:100 and thinner are lost without it; ad hoc.
+SHORT_CONTACT = 0.05
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
 KINKED = (
@@ -124,10 +127,14 @@ class Along(Workspace[Iterate]):
         Whether parts that do not press were freed already.
     flat : bool
         Whether a row has hardly a slope where it is held.
+    phases : float
+        Radians or e-foldings over the whole duration, of what is not in contact: infinite where
+        that is not known.
     """
 
     freed: bool = False
     flat: bool = False
+    phases: float = np.inf
     _looked_at: tuple[Iterate, tuple[Array, ...]] | None = None
 
     @property
@@ -200,6 +207,10 @@ class Along(Workspace[Iterate]):
         fine = touches and self.tol < FINE_TOL and self.question.system.order == 1
         return FINE_DEGREE if fine else COARSE_DEGREE
 
+    def free_elements(self, touches: bool) -> float:
+        """Return on how many elements, over the whole duration, what is not in contact begins."""
+        return min(COARSE_ELEMENTS, elements_of(self.first_degree(touches), self.phases, self.tol))
+
     def hold(
         self, arcs: tuple[Arc, ...], curve: Path | None = None, *, resolved: bool = False
     ) -> None:
@@ -219,9 +230,10 @@ class Along(Workspace[Iterate]):
         if resolved:
             mesh = self.with_boundaries(path.mesh)
         else:
-            since = [np.zeros(1)]
+            since, count = [np.zeros(1)], self.free_elements(bool(arcs))
             for a, b in pairwise(held.divisions - free.start.t):
-                since.append(cut_part(a, b, free.duration, *normal_turns(held, path, a, b)))
+                turns = normal_turns(held, path, a, b)
+                since.append(cut_part(a, b, free.duration, count, *turns))
             mesh = Mesh.over(
                 free.start.t, free.end.t, np.concatenate(since), self.first_degree(bool(arcs))
             )
@@ -266,6 +278,13 @@ class Along(Workspace[Iterate]):
         lam = np.zeros((held.system.m, t.size))
         with suppress(np.linalg.LinAlgError):
             lam = held.row_multipliers(path.values.T, path.node_velocities().T, t)
+        if held.system.order == 1 and not held.sought:
+            # Where contact begins or ends the row weighs what is beside it, too, and does not push.
+            b, degrees = path.mesh.boundaries, np.array(path.mesh.degrees)
+            on = held.active((b[:-1] + b[1:]) / 2)
+            weight = path.mesh.lengths / (degrees * (degrees + 1))
+            share = (on[:, :-1] * weight[:-1] + on[:, 1:] * weight[1:]) / (weight[:-1] + weight[1:])
+            lam[:, path.mesh.offsets[1:-1]] *= np.where(share < SHORT_CONTACT, 1.0, share)
         return np.where(np.isfinite(lam), lam, 0.0).T
 
     def follow(self, reach: float = np.inf, *, joined: bool = False) -> bool:
@@ -488,7 +507,8 @@ def contact_conditions(at: DiscretePath, sizes: Array) -> tuple[Array, ...]:
     Which rows are in contact, (r, K); how deep the path is inside of the others, in its sizes (n,);
     what those in contact push with, and the unit of that, (r, 1).
     """
-    held, (t, q, v, f) = contacts_of(at.problem), sample_rows(at)
+    held = contacts_of(at.problem)
+    t, q, v, f = sample_rows(held, at.path)
     m = held.free.system.m
     on = held.active(t)[m:]
     push, depth = np.zeros(f.shape), np.zeros(f.shape)

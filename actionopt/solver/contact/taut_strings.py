@@ -21,8 +21,7 @@ import numpy as np
 
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
-from actionopt.discrete.newton.discrete_path import DiscretePath
-from actionopt.mechanics.question.held import Held, contacts_of
+from actionopt.mechanics.question.held import Held
 from actionopt.mechanics.question.obstacle import Arc
 from actionopt.solver.contact.first_contacts import (
     ACROSS,
@@ -32,7 +31,7 @@ from actionopt.solver.contact.first_contacts import (
     runs,
     sample_rows,
 )
-from actionopt.solver.refinement.first_mesh import COARSE_DEGREE
+from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.tools.blas import solve_each
 from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
@@ -411,28 +410,31 @@ class Strings:
 
     Attributes
     ----------
-    found : DiscretePath
+    held : Held
+        The question.
+    path : Path
         The path.
     seen : SampledPath
         What was seen along it.
     """
 
-    found: DiscretePath
+    held: Held
+    path: Path
     seen: SampledPath
 
     @classmethod
-    def round(cls, found: DiscretePath, *, seen: bool = False) -> Strings:
+    def round(cls, held: Held, path: Path, *, seen: bool = False) -> Strings:
         """Return those round what a path passes through; what is `seen` is not looked for."""
-        known = rows_between(found)
+        known = rows_between(held, path)
         if not seen or np.count_nonzero(known.rows < 0) < SEEN_INSIDE:
-            known = sample_rows(found)
-        return cls(found, known)
+            known = sample_rows(held, path)
+        return cls(held, path, known)
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array]:
         """Times since the start at the nodes, (K,), coordinates and velocities (K, n) there."""
-        found, sizes = self.found, self.found.problem.measures
-        return found.mesh.nodes_since, found.Q / sizes, found.path.node_velocities().T / sizes
+        path, sizes = self.path, self.held.measures
+        return path.mesh.nodes_since, path.values.T / sizes, path.node_velocities().T / sizes
 
     def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
         """Return the `Ways` between two places; None where the path has not two nodes between."""
@@ -441,14 +443,18 @@ class Strings:
         return Ways(since[at], q[at], v[at], before, behind) if np.count_nonzero(at) > 1 else None
 
     def draw(
-        self, side: Callable[[float], Array], degree: int = COARSE_DEGREE
+        self,
+        side: Callable[[float], Array],
+        degree: int = COARSE_DEGREE,
+        free: float = COARSE_ELEMENTS,
     ) -> tuple[Path, tuple[Arc, ...]] | None:
         """Return the path along a taut string on elements of a degree, and its contacts.
 
-        None if the path passes through nothing, or through what has no edge to that side, such as a
-        plane. The `side` is a direction (n,) at a time, coordinates in units of their `measures`.
+        A `free` path would have so many elements. None if the path passes through nothing, or
+        through what has no edge to that side, such as a plane. The `side` is a direction (n,) at a
+        time, coordinates in units of their `measures`.
         """
-        found, held, seen = self.found, contacts_of(self.found.problem), self.seen
+        held, seen = self.held, self.seen
         start, duration, none = held.start.t, held.duration, np.zeros(held.system.n)
         sizes = held.measures
         passed = sorted([(k, l, i) for i, row in enumerate(seen.rows < 0) for k, l in runs(row)])
@@ -474,7 +480,7 @@ class Strings:
                 if contact is None or contact.times[-1] >= behind[0]:
                     return None
                 contacts[j], ends = contact, contact.times[[0, -1]]
-                drift = contact.points[[0, -1]] - found.path.at(ends).T / sizes
+                drift = contact.points[[0, -1]] - self.path.at(ends).T / sizes
                 known[j + 1] = list(zip(ends.tolist(), drift, strict=True))
         times, drift = zip(*[x for each in known for x in each], strict=True)
         if any([b <= a for a, b in pairwise(times)]):
@@ -482,13 +488,13 @@ class Strings:
         since = [np.zeros(1)]
         for k, (a, b) in enumerate(pairwise(times)):  # every second part is in contact
             turns = (contacts[k // 2].times, contacts[k // 2].angles) if k % 2 else ()
-            since.append(cut_part(a, b, duration, *turns))
+            since.append(cut_part(a, b, duration, free, *turns))
         mesh = Mesh.over(start, held.end.t, np.concatenate(since), degree)
         s = mesh.nodes_since
         part = np.interp(s, times, np.arange(len(times)))
         k = np.minimum(part.astype(int), len(times) - 2)
         away = np.array(drift) * sizes
-        values = found.path.at(s) + (away[k] + (part - k)[:, None] * (away[k + 1] - away[k])).T
+        values = self.path.at(s) + (away[k] + (part - k)[:, None] * (away[k + 1] - away[k])).T
         for contact in contacts.values():
             at = (contact.times[0] <= s) & (s <= contact.times[-1])
             values[:, at] = contact.at(s[at]).T * sizes[:, None]
@@ -520,9 +526,9 @@ class WayOut:
     normal: Array
 
     @classmethod
-    def of(cls, found: DiscretePath) -> WayOut | None:
+    def of(cls, held: Held, path: Path) -> WayOut | None:
         """Return the way out from where a path is deepest inside; None where it is outside."""
-        strings = Strings.round(found, seen=True)
+        strings = Strings.round(held, path, seen=True)
         t, q, _, rows = strings.seen
         i, k = divmod(int(rows.argmin()), t.size)
         if not rows[i, k] < 0:
@@ -539,7 +545,7 @@ class WayOut:
                 - before * after / ((b - a) * (c - b)) * q[k]
                 + before * at / ((c - a) * (c - b)) * q[k + 1]
             )
-        body = Body(contacts_of(found.problem), i, deepest)
+        body = Body(held, i, deepest)
         place = place / body.sizes
         return cls(strings, deepest, place, body, body.normals(place[None])[0])
 
@@ -566,6 +572,6 @@ class WayOut:
         if n == 2:
             return -self.normal[None]
         since, _, v = self.strings.motion
-        ahead = v[since.searchsorted(self.t - self.strings.found.problem.start.t) - 1]
+        ahead = v[since.searchsorted(self.t - self.strings.held.start.t) - 1]
         axes = np.linalg.qr(np.vstack([ahead, self.normal, first, np.eye(n)]).T)[0][:, 2:].T
         return np.concatenate([[-self.normal], axes, -axes])

@@ -160,7 +160,8 @@ def depths(at: DiscretePath, sizes: Array) -> tuple[Array, Array]:
 
     In its sizes (n,).
     """
-    held, (t, q, _, f) = contacts_of(at.problem), sample_rows(at)
+    held = contacts_of(at.problem)
+    t, q, _, f = sample_rows(held, at.path)
     G = held.system.constraint_jacobian(q.T, t, parameters=held.parameters)
     depth = np.where(held.active(t), 0.0, -f)
     return t, depth / np.einsum("rnk,n->rk", np.abs(G), sizes)

@@ -45,12 +45,7 @@ THINNEST_ELEMENT = 1e3 * np.finfo(float).eps  # in parts of the time; ad hoc: it
 
 def plan_mesh(problem: Problem, tol: float, elements: int) -> Mesh:
     """Return a mesh that resolves to `tol` whatever solves equations that do not depend on time."""
-    system, n = problem.system, problem.system.n
-    rest, now = np.zeros((1, n)), np.array([[problem.start.t]])
-    state = rest, rest, now, problem.packed
-    second = system.pointwise("second")(*state)
-    forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
-    turns, folds = _rates(system, second, forces, problem.duration)
+    turns, folds = steady_rates(problem)
     parts, fastest = _boundaries(turns, folds, elements), PHASE_PER_ELEMENT
     if parts is None:
         parts, fastest = np.linspace(0.0, 1.0, elements + 1), max(turns, folds) / elements
@@ -60,6 +55,28 @@ def plan_mesh(problem: Problem, tol: float, elements: int) -> Mesh:
     degree = DEGREES[np.argmax(good)] if good.any() else DEGREES[-1]
     since = problem.duration * parts
     return Mesh.over(problem.start.t, problem.end.t, since, int(degree))
+
+
+def steady_rates(problem: Problem) -> tuple[float, float]:
+    """Return the fastest turning, in radians, and decay, in e-foldings, over the whole time.
+
+    Of what solves equations that do not depend on time.
+    """
+    system, n = problem.system, problem.system.n
+    rest, now = np.zeros((1, n)), np.array([[problem.start.t]])
+    state = rest, rest, now, problem.packed
+    second = system.pointwise("second")(*state)
+    forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
+    return _rates(system, second, forces, problem.duration)
+
+
+def elements_of(degree: int, phases: float, tol: float) -> float:
+    """Return how many elements of a degree resolve so many radians or e-foldings to `tol`.
+
+    By the formula in `plan_mesh`.
+    """
+    logarithm = math.log(tol / TAIL_MARGIN) + math.lgamma(degree)
+    return phases / (4 * math.exp(logarithm / (degree - 1)))
 
 
 def plan_layers(tr: Transcription, z: Array) -> Mesh | None:
