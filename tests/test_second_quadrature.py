@@ -239,6 +239,16 @@ def test_elements_are_cut_along_which_the_inertia_varies():
 
 
 @pytest.mark.long
+def test_elements_are_cut_along_which_the_inertia_falls():
+    """q'' - 150 q' + q = 0, where the path is lost on the mesh of the rising one."""
+    found = ao.solve(line(lambda q, v, t: np.exp(-150 * t) * (v @ v - q @ q) / 2, 2.0, 1.0))
+    rate = np.sqrt(150**2 - 4)
+    slow, fast = 2 / (150 + rate), (150 + rate) / 2
+    a, b = np.linalg.solve([[1.0, np.exp(-fast)], [np.exp(slow), 1.0]], [2.0, 1.0])
+    assert relative(found, lambda t: a * np.exp(slow * t) + b * np.exp(fast * (t - 1))) < 1e-8
+
+
+@pytest.mark.long
 def test_elements_beside_one_that_begins_without_inertia_are_cut():
     """q'' + (2 / t + 200) q' + q = 0, regular at t = 0, where elements of one degree begin."""
     law = ao.System(lambda q, v, t: t**2 * np.exp(200 * t) * (v[0] ** 2 - q[0] ** 2) / 2, ["q"])

@@ -115,7 +115,9 @@ def _refine_once(ws: Workspace, tol: float, *, least: bool) -> Status:
             return _failure(ws)
         here = None  # frees its factors before others are made
         if not ws.transfer(mesh, least=least, missed=missed if resolved else 0.0):
-            return _failure(ws)
+            even = even_mesh(ws) if ws.linear else None
+            if even is None or not ws.transfer(even, least=least):
+                return _failure(ws)
         if resolved:
             continue
         if _is_noisy(ws, tol) and not _even_out(ws, tol, least=least):
@@ -160,26 +162,31 @@ def _is_noisy(ws: Workspace, tol: float) -> bool:
 
 
 def _even_out(ws: Workspace, tol: float, *, least: bool) -> bool:
-    """Cut elements along which the inertia varies much; return whether the round-off was theirs.
+    """Cut elements along which the inertia varies much; return whether the round-off was theirs."""
+    here, mesh = ws.here, even_mesh(ws)
+    if mesh is None:
+        return False
+    if ws.transfer(mesh, least=least):
+        return not _is_noisy(ws, tol)
+    ws.here = here
+    return False
+
+
+def even_mesh(ws: Workspace) -> Mesh | None:
+    """Return a mesh with those elements cut along which the inertia varies much; None if none does.
 
     In the matrix of such an element what is light is no more than round-off of what is heavy.
     """
-    here = ws.here
-    tr, structure = here.tr, here.problem.system.structure
+    tr, structure = ws.here.tr, ws.problem.system.structure
     if tr.order > 1 or (structure.constant_mass and not structure.depends_on_time):
-        return False
-    nonzeros, parts = tr.second(here.x)[2], np.ones(tr.mesh.elements, dtype=int)
+        return None
+    nonzeros, parts = tr.second(ws.here.x)[2], np.ones(tr.mesh.elements, dtype=int)
     for g in tr.layout.groups:
         mass = np.abs(nonzeros[g.span].reshape(*g.nodes.shape, -1)).max(axis=2)
         known = (mass > 0).all(axis=1)
         varied = np.log(mass[known].max(axis=1) / mass[known].min(axis=1)) / np.log(MOST_VARIED)
         parts[g.elements[known]] = np.maximum(np.ceil(varied), 1)
-    if parts.max() == 1:
-        return False
-    if ws.transfer(tr.mesh.divide(parts), least=least):
-        return not _is_noisy(ws, tol)
-    ws.here = here
-    return False
+    return tr.mesh.divide(parts) if parts.max() > 1 else None
 
 
 def _judge_noisy(ws: Workspace) -> Status:

@@ -33,7 +33,7 @@ from actionopt.solver.refinement.first_mesh import (
     plan_mesh,
 )
 from actionopt.solver.refinement.iterate import Iterate
-from actionopt.solver.refinement.refine import refine, solve_on
+from actionopt.solver.refinement.refine import even_mesh, refine, solve_on
 from actionopt.solver.refinement.signals import LEADS_NOWHERE
 from actionopt.solver.refinement.workspace import FEW_COORDINATES, ROUGHLY, Workspace
 from actionopt.tools.immutable import immutable
@@ -411,6 +411,11 @@ class Search:
                 self.ws.transcribe(mesh, None)
         if self.ws.follow():
             return self.refine()
+        even = even_mesh(self.ws)
+        if even is not None:
+            self.ws.transcribe(even, None)
+            if self.ws.follow():
+                return self.refine()
         stiff = is_stiff(self.ws.here.equations, self.ws.here.z)  # then the matrix tells nothing
         return Status.UNRESOLVED if stiff else Status.DEGENERATE
 
