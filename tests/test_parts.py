@@ -1266,6 +1266,7 @@ def test_a_step_from_rest_to_rest():
         ({"closes": True, "one": False}, False),
         ({"closes": True, "growth": 1e30}, True),
         ({"closes": True, "growth": 1e30, "free_time": True}, False),
+        ({"closes": True, "status": "UNRESOLVED", "free_time": True}, False),
     ],
 )
 def test_what_may_be_one_of_a_family(known, expected):

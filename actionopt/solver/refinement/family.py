@@ -75,8 +75,10 @@ def is_alone(problem: Problem) -> bool:
     law = problem.system
     if not (problem.free_time and law.n == law.order == 1):
         return False
-    between = problem.start.pinned and problem.end.pinned and problem.integral is None
-    return problem.closes or (bool(between) and not law.structure.depends_on_time)
+    if problem.closes:
+        return True
+    given = bool(problem.start.pinned and problem.end.pinned) and problem.integral is None
+    return given and not law.structure.depends_on_time
 
 
 def judge_family(ws: Workspace, solution: Solution) -> Solution:
