@@ -21,6 +21,7 @@ from actionopt.analysis.motion import compare as compare_module
 from actionopt.analysis.motion import picard
 from actionopt.analysis.motion.compare import KINK_CUT, _Parts, compare, is_motion
 from actionopt.analysis.motion.flow import Flow
+from actionopt.mechanics.laws.compiled import Pointwise
 
 ACCURATE = 3e-11  # what forward integration makes of these motions, as its own tests say
 
@@ -506,6 +507,25 @@ def test_where_a_motion_can_be_begun_again():
     assert _Parts.cut(parts, 0.0, 1.0) == pytest.approx(KINK_CUT)
     assert _Parts.cut(parts, 1.0, 4.0) == 3.5
     assert _Parts.cut(parts, 1.0, 3.2) is None
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("law", "T", "most"), [(systems.pendulum(), 3.0, 1450), (systems.spring(), 1.0, 1100)]
+)
+def test_how_often_a_comparison_asks_for_forces(law, T, most, monkeypatch):
+    """Pieces are followed as far as judging them needs, and the second run by as many panels."""
+    found = solve(Problem(law, Event(0.0, 0.0), Event(T, 1.0)), tol=1e-8)
+    counts, ask = [], Pointwise.__call__
+
+    def counted(self, *arguments):
+        if self is law.pointwise("even_motion"):
+            counts.append(len(arguments[0]))
+        return ask(self, *arguments)
+
+    monkeypatch.setattr(Pointwise, "__call__", counted)
+    assert found.compare().agrees
+    assert 600 < sum(counts) < most  # two hundred each, at least
 
 
 @pytest.mark.long

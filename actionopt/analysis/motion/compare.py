@@ -56,14 +56,15 @@ from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
 PIECES = 100  # at most; more say no more
-# The least local tolerance there, and in parts of the other: a thousandth of what is allowed.
-PIECE_TOL, PIECE_SHARE = 1e-14, 0.1
+# The least local tolerance there, and in parts of the deviation that is allowed.
+PIECE_TOL, PIECE_SHARE = 1e-14, 1e-3
 EVEN = 17  # times at which the round-off is asked for
 MOST_CUTS = 2000  # at most, of pieces too unstable to say anything: bounds the time it takes
 KINK_CUT = 0.38  # not in halves: a kink is where elements meet, and would hide between the parts
 UNSTABLE = 100.0  # amplification within a piece that is cut
 # The second run: of another tolerance, and steps in no simple ratio to the first one's.
-LOOSER_TOL, SHORTER_STEPS = 10.0, 0.6
+LOOSER_TOL, SHORTER_STEPS = 10.0, 0.9
+CHANGE_SHARE = 1e-4  # of a change of the start: the tolerance of a step that follows it
 ERROR_MARGIN = 100.0  # from an estimated error to a deviation that contradicts it
 EXPLAINED = 10.0  # times what a motion makes of a small change: a deviation that it explains
 CERTAIN = 5e-2  # a deviation that no estimated error explains
@@ -240,7 +241,7 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     instants = jumps(flow.system, flow.parameters, t, q, v)
     even = np.searchsorted(t, np.linspace(t[0], t[-1], EVEN))
     noise = flow.round_off(q[:, even], v[:, even], t[even])
-    piece_tol = max(PIECE_SHARE * tol, PIECE_TOL)
+    piece_tol = max(PIECE_SHARE * allowed, PIECE_TOL)
     accuracy = units.above(noise, span * CVODES_LONGEST, piece_tol)
     parts = _Parts.of(solution, flow, instants, accuracy)
     local, unknown = _piece_by_piece(solution, parts, units, allowed, count)
@@ -265,6 +266,7 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
     # The other integration begins with this one's motion, whichever way it goes itself.
     about = replace(motion, flow=FlowAbout(problem.system, problem.parameters, path))
     disturbed = _perturb(problem, start, units, allowed) if changed else start
+    rougher = max(CHANGE_SHARE * allowed / max(leg.local for leg in motion.legs), 1.0)
     found = Comparison(
         position=float(position.max()),
         velocity=float(velocity[smooth].max(initial=0.0)),
@@ -273,7 +275,7 @@ def compare(solution: Claim, *, tol: float = 1e-12, count: int | None = None) ->
         energy_drift=_energy_drift(problem, path, q, v, smooth, units.v),
         reference_error=again(about, start, LOOSER_TOL, SHORTER_STEPS),
         allowed=allowed,
-        amplified=again(motion, disturbed, 1.0, 1.0) if changed else 0.0,
+        amplified=again(motion, disturbed, rougher, 1.0) if changed else 0.0,
         path=path,
     )
     doubted = local > allowed or found._is_unbalanced
@@ -604,23 +606,32 @@ def _piece_by_piece(
 
     And why not all of them could be followed.
     """
-    times, cuts, worst, unknown = parts.times, 0, np.nan, ""
+    times, cuts, unknown, sizes = parts.times, 0, "", units.q[:count]
     q, v = solution(times[:-1]).T, solution.velocity(times[:-1]).T
     states = [
         solution.start,
         *(State(*x) for x in zip(times[1:-1].tolist(), q[1:], v[1:], strict=False)),
     ]
     ends = times[1:].tolist()
-    pieces = list(zip(states, ends, parts.several(states, ends), strict=True))
+    motions = parts.several(states, ends)
+    pieces = list(zip(states, ends, motions, strict=True))
+    first, known = np.full(len(pieces), np.inf), [x for x in motions if x is not None]
+    if known:
+        t, there = (np.concatenate(x, axis=-1) for x in zip(*known, strict=True))
+        apart = _deviation(solution(t), there, sizes).reshape(len(known), -1)
+        first[[x is not None for x in motions]] = apart.max(axis=1)
+    near = first <= allowed
+    worst = float(np.fmax.reduce(first[near], initial=np.nan))
+    pieces = [piece for piece, good in zip(pieces, near, strict=True) if not good]
     while pieces:
         state, end, known = pieces.pop()
         try:
             t, there = known or parts.follow(state, end)
-            found = _deviation(solution(t), there, units.q[:count]).max()
+            found = _deviation(solution(t), there, sizes).max()
             if found > allowed:
                 changed = _perturb(solution.problem, state, units, allowed)
                 _, other = parts.follow(changed, end)
-                gain = _deviation(other, there, units.q[:count]).max() / allowed
+                gain = _deviation(other, there, sizes).max() / allowed
                 cut = parts.cut(state.t, end) if gain > UNSTABLE and cuts < MOST_CUTS else None
                 if cut is not None:
                     cuts += 1

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, cached_property
+from math import isfinite
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -161,29 +162,34 @@ class FlowAbout(Flow):
 
     def rates(
         self, start: ArrayLike, span: ArrayLike, rate: ArrayLike, units: FlowUnits, points: int
-    ) -> Callable[[Array, Array], Array]:
-        """Return the rates of scaled v (K, n) for P motions, as a function.
+    ) -> Callable[[Array], Callable[[Array], Array]]:
+        """Return what makes of scaled times (K, 1) the rates of scaled v (K, n) for P motions.
 
-        It takes their scaled times (K, 1), and scaled q and v (K, 2 n): so many points of each
-        motion.
+        As a function of scaled q and v (K, 2 n) there: so many points of each motion.
         """
         system = self.system
         n, packed = system.n, system.table.pack(system.table.values(self.parameters))
         times = np.column_stack([start, span, rate]).repeat(points, axis=0)
         if system.has_diagonal_mass and not system.m:
             motion, factor = system.pointwise("even_motion"), times[:, 1:2] / units.v
+            sizes = np.concatenate([units.q, units.v])
 
-            def quotient(s: Array, x: Array) -> Array:
+            def quotients(s: Array) -> Callable[[Array], Array]:
                 t = times[:, :1] + s * times[:, 1:2]
-                mass, bias = motion(x[:, :n] * units.q, x[:, n:] * units.v, t, packed)
-                return bias / mass * factor
 
-            return quotient
+                def rates(x: Array) -> Array:
+                    there = x * sizes
+                    mass, bias = motion(there[:, :n], there[:, n:], t, packed)
+                    return bias / mass * factor
+
+                return rates
+
+            return quotients
         made = system.memoize("scaled", lambda: Pointwise(scaled_motion(system)))
         same = packed, times, units.q[None], units.v[None], units.rows[None]
         count, none = len(times), np.zeros((len(times), 0))
         values = np.concatenate([np.broadcast_to(x, (count, x.shape[1])) for x in same], axis=1)
-        return lambda s, x: made(s, x, none, values, none)[0][:, n:]
+        return lambda s: lambda x: made(s, x, none, values, none)[0][:, n:]
 
     @cached_property
     def noise(self) -> Array:
@@ -213,7 +219,7 @@ def _shifted(x: Array, here: Array, turn: Array, since: Array) -> Array:
 
 
 def _settle(
-    rates: Callable[[Array, Array], Array],
+    rates: Callable[[Array], Callable[[Array], Array]],
     x: Array,
     start: Array,
     turn: Array,
@@ -229,26 +235,35 @@ def _settle(
     """
     at, h = when
     parts, n, k = len(x), start.shape[1] // 2, rule.points.size
-    q, v = start[:, :n], start[:, n:]
-    straight = q + turn * (h * v * rule.points)
-    times = np.tile(at + h * rule.points, parts)[:, None]
-    once, twice = h * rule.once[:-1].T, h * h * rule.twice[:-1].T
-    last, settled = np.full(parts, np.nan), np.zeros(parts, dtype=bool)
+    straight = start.repeat(k, axis=2)
+    straight[:, :n] += turn * (h * start[:, n:] * rule.points)
+    integrals = np.stack([h * h * rule.twice[:-1].T, h * rule.once[:-1].T])
+    scale = np.concatenate([turn, np.ones_like(turn)], axis=-2)
+    rates_at = rates(np.tile(at + h * rule.points, parts)[:, None])
+    last, settled = [np.nan] * parts, [False]
     for _ in range(PICARD_ROUNDS):
         places = x.transpose(0, 2, 1).reshape(parts * k, 2 * n)
-        a = rates(times, places).reshape(parts, k, n).transpose(0, 2, 1)
-        new = np.concatenate([straight + turn * (a @ twice), v + a @ once], axis=1)
-        change = np.abs(new - x).max(axis=(1, 2))
+        a = rates_at(places).reshape(parts, k, n).transpose(0, 2, 1)
+        new = (a[:, None] @ integrals).reshape(parts, 2 * n, k)
+        new *= scale
+        new += straight
+        change = np.abs(new - x).reshape(parts, -1).max(axis=1).tolist()
         x = new
-        # The next change is as much smaller, at least.
-        settled = (change * np.fmin(change / last, 1.0) <= enough) | (
-            (change >= last / 2) & (change <= STILL_CHANGES * enough)
-        )
-        if np.all(settled | ~np.isfinite(change)):
+        settled = [_is_settled(*both, enough) for both in zip(change, last, strict=True)]
+        if all(good or not isfinite(c) for good, c in zip(settled, change, strict=True)):
             break
         last = change
     tails = h * np.abs(a @ rule.coefficients[-2:].T) / (2 * k)
-    return a.copy(), settled & (tails.max(axis=(1, 2)) <= STILL_CHANGES * enough)
+    return a.copy(), np.array(settled) & (tails.max(axis=(1, 2)) <= STILL_CHANGES * enough)
+
+
+def _is_settled(change: float, last: float, enough: float) -> bool:
+    """Return whether that change, after the `last` one, is the last that counts.
+
+    The next one is as much smaller, at least.
+    """
+    falls = change <= enough or change * change <= enough * last
+    return falls or last / 2 <= change <= STILL_CHANGES * enough
 
 
 @dataclass(eq=False)
