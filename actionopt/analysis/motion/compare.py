@@ -486,30 +486,16 @@ def _perturb(problem: Problem, state: State, units: FlowUnits, part: float) -> S
 
 @immutable
 class _Parts:
-    """Motions over parts of the time, which stop where those over the whole do.
-
-    Attributes
-    ----------
-    flow : Flow
-    mesh : Mesh
-        Of the solution.
-    kinked : (N,) array of bool
-        Elements in which velocities may jump, so that those of the solution mean nothing there.
-    stops : list of Instant
-        Where the integration begins anew.
-    times : (K + 1,) array
-        Where motions begin and end: in the middle of an element the velocity of a polynomial is
-        far better than at its ends.
-    units, tolerance
-        Of the integration.
-    """
+    """Motions over parts of the time, which stop where those over the whole do."""
 
     flow: FlowAbout
-    mesh: Mesh
+    mesh: Mesh  # of the solution
+    # (N,): elements in which velocities may jump, so that those of the solution mean nothing
     kinked: Array
-    stops: list[Instant]
+    stops: list[Instant]  # where the integration begins anew
+    # (K + 1,): where motions begin and end, in the middle of elements: velocities are best there
     times: Array
-    units: FlowUnits
+    units: FlowUnits  # of the integration, as the tolerance
     tolerance: float
 
     @classmethod

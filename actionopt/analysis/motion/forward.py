@@ -149,26 +149,15 @@ class Leg:
 
 @immutable
 class ForwardMotion:
-    """A motion followed leg by leg.
-
-    Attributes
-    ----------
-    flow : Flow
-    state : State
-        Its beginning.
-    t_end : float
-    legs : tuple of Leg
-    q, v : (n, K) arrays
-        Coordinates and velocities at the nodes of the legs, one leg after the other: where one
-        ends and the next begins there are two.
-    """
+    """A motion followed leg by leg."""
 
     flow: Flow
-    state: State
+    state: State  # its beginning
     t_end: float
     legs: tuple[Leg, ...]
+    # (n, K): coordinates at the nodes of the legs, one after the other, two where they meet
     q: Array
-    v: Array
+    v: Array  # (n, K): velocities there
 
     def again(self, state: State, looser: float = 1.0, shorter: float = 1.0) -> Array:
         """Return q (n, K) at the same nodes from another state, tolerance and longest step."""

@@ -103,36 +103,19 @@ def switches_of(problem: Problem) -> tuple[Instant, ...]:
 
 @dataclass(eq=False)
 class Branch:
-    """A family of problems, one for each s, discretized alike.
-
-    Parameters
-    ----------
-    family : callable
-        Maps s to a Problem.
-    shape : Mesh
-        Over any times; it is stretched to those of each problem.
-    instants : tuple of Instant
-        Where the problem of that mesh switches by the clock, or passes an event.
-    lengths : (n,) array
-        Units of the coordinates.
-    range : float
-        The unit of s, less than zero where s is to fall: a branch and its mirror image are alike.
-    times : (k + 2,) array, optional
-        Those of the events of a course, at the path from which the branch is to begin.
-    kappa : (c,) array, optional
-        The multipliers of its integrals there.
-    arcs : tuple of Arc, optional
-        What is in contact with an obstacle there.
-    """
+    """A family of problems, one for each s, discretized alike."""
 
     family: Callable[[float], Problem]
-    shape: Mesh
+    shape: Mesh  # over any times; it is stretched to those of each problem
+    # where the problem of that mesh switches by the clock, or passes an event
     instants: tuple[Instant, ...]
-    lengths: Array
+    lengths: Array  # (n,): units of the coordinates
+    # the unit of s, less than zero where s is to fall: a branch and its image are alike
     range: float
+    # (k + 2,): those of a course's events at the path from which to begin
     times: Array | None = None
-    kappa: Array | None = None
-    arcs: tuple[Arc, ...] = ()
+    kappa: Array | None = None  # (c,): the multipliers of its integrals there
+    arcs: tuple[Arc, ...] = ()  # what is in contact with an obstacle there
     like: Transcription | None = None
     bordered: Bordered | ContactEquations | None = None  # where more than the path is to be found
     last: tuple[float, Transcription] | None = None  # what was asked for, and what it is

@@ -54,21 +54,12 @@ DEFINITE = 0.3
 
 @dataclass(eq=False)
 class Bordered:
-    """The equations of a path and of what is to be found beside it, as a `Transcription` has them.
+    """The equations of a path and of what is beside it, of the form of a `Transcription`."""
 
-    Parameters
-    ----------
-    problem : Problem
-        As it was asked: its duration is free, its paths close, or its events lie on surfaces.
-    first : Transcription
-        Of its `loose` problem, over a first duration: it sets the units.
-    borders : tuple of Border
-        What stands beside the path.
-    """
-
+    # as asked: its duration is free, its paths close, or its events lie on surfaces
     problem: Problem
-    first: Transcription
-    borders: tuple[Border, ...]
+    first: Transcription  # of its `loose` problem, over a first duration: it sets the units
+    borders: tuple[Border, ...]  # what stands beside the path
     layout: BorderedLayout = field(init=False)
 
     def __post_init__(self) -> None:

@@ -119,21 +119,12 @@ class ContactChange(Exception):
 
 @dataclass(eq=False)
 class Along(Workspace[Iterate]):
-    """The workspace of a search for a path along an obstacle: its problem is `Held`.
+    """The workspace of a search for a path along an obstacle: its problem is `Held`."""
 
-    Attributes
-    ----------
-    freed : bool
-        Whether parts that do not press were freed already.
-    flat : bool
-        Whether a row has hardly a slope where it is held.
-    phases : float
-        Radians or e-foldings over the whole duration, of what is not in contact: infinite where
-        that is not known.
-    """
-
-    freed: bool = False
-    flat: bool = False
+    freed: bool = False  # whether parts that do not press were freed already
+    flat: bool = False  # whether a row has hardly a slope where it is held
+    # radians or e-foldings over the whole duration, of what is not in contact: infinite where that
+    # is not known
     phases: float = np.inf
     _looked_at: tuple[Iterate, tuple[Array, ...]] | None = None
 

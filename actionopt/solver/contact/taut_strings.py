@@ -201,21 +201,13 @@ class Body:
 
 @immutable
 class StringPart:
-    """Where a string lies on a body, on a curve that is cubic between points of support.
+    """Where a string lies on a body, on a curve that is cubic between points of support."""
 
-    Attributes
-    ----------
-    times, points, normals : (K,), (K, n) and (K, n) arrays
-        When it is at which points since the start, and the body's normals there.
-    ahead, lengths : (K, n) and (K,) arrays
-        Which way it goes on, unit vectors, and the lengths along it.
-    """
-
-    times: Array
-    points: Array
-    normals: Array
-    ahead: Array
-    lengths: Array
+    times: Array  # (K,): since the start
+    points: Array  # (K, n): where it is then
+    normals: Array  # (K, n): the body's there
+    ahead: Array  # (K, n): which way it goes on, unit vectors
+    lengths: Array  # (K,): along it
 
     @cached_property
     def angles(self) -> Array:
@@ -308,20 +300,14 @@ class Ways:
     """How a string comes from one point and goes on to another: as a path does, but for a drift.
 
     All motions of a body that falls freely, or is free of forces, are its path and a drift.
-
-    Attributes
-    ----------
-    times, q, v : (K,), (K, n) and (K, n) arrays
-        Times since the start between the two, and the path's coordinates and velocities then.
-    before, behind : (float, (n,) array)
-        Times since the start, and how far from the path it is then.
     """
 
-    times: Array
-    q: Array
-    v: Array
+    times: Array  # (K,): since the start, between the two
+    q: Array  # (K, n): the path's coordinates then
+    v: Array  # (K, n): its velocities
+    # the time since the start, and how far (n,) from the path it is then
     before: tuple[float, Array]
-    behind: tuple[float, Array]
+    behind: tuple[float, Array]  # the same of the other
 
     def passing(self, x: Array) -> tuple[Array, Array]:
         """Return with which velocities it comes to points x and leaves them as fast, (C, n) each.
@@ -406,21 +392,11 @@ def _first_below(f: Array, behind: Array) -> tuple[NDInt, NDInt, Array]:
 
 @immutable
 class Strings:
-    """Strings drawn taut round what a path passes through.
+    """Strings drawn taut round what a path passes through."""
 
-    Attributes
-    ----------
-    held : Held
-        The question.
-    path : Path
-        The path.
-    seen : SampledPath
-        What was seen along it.
-    """
-
-    held: Held
+    held: Held  # the question
     path: Path
-    seen: SampledPath
+    seen: SampledPath  # along the path
 
     @classmethod
     def round(cls, held: Held, path: Path, *, seen: bool = False) -> Strings:
@@ -505,25 +481,13 @@ class Strings:
 
 @immutable
 class WayOut:
-    """The place where a path is deepest inside of an obstacle, and the nearest way out.
+    """The place where a path is deepest inside of an obstacle, and the nearest way out."""
 
-    Attributes
-    ----------
-    strings : Strings
-        Those round what the path passes through.
-    t, q : float and (n,) array
-        When and where it is there, coordinates in units of their `measures`.
-    body : Body
-        The row that it is inside of.
-    normal : (n,) array
-        The body's normal there, in the same units.
-    """
-
-    strings: Strings
-    t: float
-    q: Array
-    body: Body
-    normal: Array
+    strings: Strings  # round what the path passes through
+    t: float  # when it is there
+    q: Array  # (n,): where, in units of the coordinates' `measures`
+    body: Body  # the row that it is inside of
+    normal: Array  # (n,): the body's there, in the same units
 
     @classmethod
     def of(cls, held: Held, path: Path) -> WayOut | None:

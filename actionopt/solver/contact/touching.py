@@ -57,14 +57,9 @@ NOT_TOUCHED = (
 
 @dataclass(eq=False)
 class Touching(Along):
-    """The workspace of such a search.
+    """The workspace of such a search."""
 
-    Attributes
-    ----------
-    cut : bool
-        Whether parts that would have to pull were let go: they are not held again for being near.
-    """
-
+    # whether parts that would have to pull were let go: they are not held again for being near
     cut: bool = False
 
     def why(self) -> str:

@@ -110,32 +110,15 @@ class TracedRays(NamedTuple):
 
 @immutable
 class RayTracer:
-    """Traces motions from the start of a problem from event to event.
+    """Traces motions from the start of a problem from event to event."""
 
-    Attributes
-    ----------
-    at : Problem
-        The problem at times of its events, any where they are to be found.
-    legs : list of Problem
-        The law of each leg between given events, wherever they are.
-    walls : list of list of int
-        Events on the surfaces of which each leg may not come.
-    size : (n,) array
-    span : float
-        How long a motion takes, or about so if that is not given.
-    timed : bool
-        Whether it is.
-    thrown : tuple of int
-        Events without a change of law, and no reflections, at which motions are thrown back, not
-        passed: both are stationary there.
-    """
-
-    at: Problem
-    legs: list[Problem]
-    walls: list[list[int]]
-    size: Array
-    span: float
-    timed: bool
+    at: Problem  # the problem at times of its events, any where they are to be found
+    legs: list[Problem]  # the law of each leg between given events, wherever they are
+    walls: list[list[int]]  # of each leg: events on the surfaces of which it may not come
+    size: Array  # (n,)
+    span: float  # how long a motion takes, or about so if that is not given
+    timed: bool  # whether it is given
+    # events at which motions are thrown back: without a change of law, both ways are stationary
     thrown: tuple[int, ...] = ()
 
     @classmethod
