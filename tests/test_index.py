@@ -13,7 +13,7 @@ import actionopt as ao
 import actionopt.analysis.quadratic.second_variation as second_variation_module
 from actionopt import scenes
 from actionopt.analysis.quadratic import regular
-from actionopt.analysis.quadratic.index import Inertia, inertia, inertia_of
+from actionopt.analysis.quadratic.index import INDEX_RESOLUTION, Inertia, inertia_of
 from actionopt.analysis.quadratic.jacobi import finer, resolve
 from actionopt.analysis.quadratic.regular import regular_index
 from actionopt.analysis.quadratic.second_variation import condense
@@ -71,7 +71,7 @@ def test_end_conjugate_to_start_is_degenerate(ends):
 
 def test_size_of_a_nearly_vanishing_eigenvalue():
     rough = oscillation(1.0 - 5e-7, throw=False)
-    found = inertia(rough.discrete, rough.error, tolerance=1e-5)
+    found = inertia_of(resolve(rough.discrete, rough.error, INDEX_RESOLUTION), 1e-5)
     # mu = 1 - (w T / pi)^2 = 1e-6
     assert found.nullity == 1 and found.smallest == pytest.approx(1e-6, rel=0.1)
 

@@ -137,7 +137,8 @@ class Tape:
                 operands, called = tuple([i + 1 for i in of]), f.instructions_sx()[k]
                 into = [i for i, to in enumerate(f.instruction_output(k)) if to >= 0]
                 function = called.which_function()
-                code = LINEAR_TABLE if _is_table(function) else code
+                if PIECE in function.name_out() or function.class_name() == "LinearInterpolant":
+                    code = LINEAR_TABLE
                 nodes += [Node(code, operands, (-1, -1), 0.0, function, i) for i in into]
                 continue
             if code == ca.OP_OUTPUT:
@@ -202,10 +203,6 @@ def parameter_gradient(L: ca.SX, p: ca.SX) -> ca.SX:
     tape = Tape([symbols], [found])
     made = tape.fold(make)
     return ca.vertcat(*[made[k] for k in tape.results[0]])
-
-
-def _is_table(function: ca.Function) -> bool:
-    return PIECE in function.name_out() or function.class_name() == "LinearInterpolant"
 
 
 def apply(operation: int, x: Sequence[ca.SX]) -> Any:

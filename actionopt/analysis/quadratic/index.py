@@ -64,7 +64,7 @@ class Inertia:
     nullity : int
         Eigenvalues |mu| <= tolerance: variations to which neither sign can be given.
     smallest : float or None
-        The smallest |mu|, where it is below the tolerance; 0 if all those are `moves`.
+        The smallest |mu|, where it is below the tolerance.
     tolerance : float
         1e-8, or ten times the path's own error estimate where that is larger and leaves no sign
         open, or where the path cannot be improved.
@@ -96,15 +96,12 @@ class Inertia:
 
 
 @one_thread
-def inertia(
-    at: DiscretePath, error: float, *, tolerance: float | None = None, moves: int = 0
-) -> Inertia:
+def inertia(at: DiscretePath, error: float) -> Inertia:
     """Return the index and the nullity of the second variation along a path known to `error`.
 
     Ten times the path's error is how far an eigenvalue may be off. Where that leaves signs open,
     the path is improved and they are counted again, so that "degenerate" is said of the problem
-    and not of the tolerance its path was solved to. `tolerance` replaces all this. As many
-    eigenvalues as `moves` are known to vanish.
+    and not of the tolerance its path was solved to.
 
     The nullity is the dimension of the family of paths between the same ends, to first order.
 
@@ -120,33 +117,22 @@ def inertia(
         return _on_its_mesh(at, at.tr, at.z, tolerance_of(error))
     if at.problem.system.structure.linear:
         error = 0.0  # the second variation is the same along any path
-    if tolerance is not None:
-        return inertia_of(resolve(at, error, INDEX_RESOLUTION), tolerance, moves)
-    if not moves:
-        known = tolerance_of(error)
-        index = regular_index(at, error, max(known, NEAR_ZERO))
-        if index is not None:
-            return Inertia(index, 0, None, known)
-    return _count(at, error, moves)
-
-
-def _count(at: DiscretePath, error: float, moves: int) -> Inertia:
-    """Return the inertia over a given duration, on the path's own mesh where L has accelerations.
-
-    An eigenvalue that is zero comes to zero as the path comes to be exact, and another one does
-    not: those that are near zero are counted again along a better path.
-    """
     tolerance = tolerance_of(error)
+    index = regular_index(at, error, max(tolerance, NEAR_ZERO))
+    if index is not None:
+        return Inertia(index, 0, None, tolerance)
     if at.tr.order > 1:
         return _count_on_mesh(at, error, _alone)
+    # An eigenvalue that is zero comes to zero as the path comes to be exact, and another one does
+    # not: those that are near zero are counted again along a better path.
     form = resolve(at, error, INDEX_RESOLUTION)
-    found = _all_moves(form, max(tolerance, NEAR_ZERO), moves, _signs_of)
-    if found.nullity <= moves:
-        return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE))
-    better = _better_form(at, error, found.nullity - moves)
+    found = _signs_of(form, max(tolerance, NEAR_ZERO))
+    if not found.nullity:
+        return replace(found, tolerance=tolerance)
+    better = _better_form(at, error, found.nullity)
     if better is not None:
         form, tolerance = better, INDEX_TOLERANCE
-    return _all_moves(form, tolerance, moves, inertia_of)
+    return inertia_of(form, tolerance)
 
 
 def _better_form(at: DiscretePath, error: float, nullity: int) -> Form | None:
@@ -156,16 +142,6 @@ def _better_form(at: DiscretePath, error: float, nullity: int) -> Form | None:
     with suppress(ValueError):  # a spurious path may be resolved on no mesh
         return improve(at, POLISHED, nullity)
     return None
-
-
-def _all_moves(
-    form: Form, tolerance: float, moves: int, of: Callable[[Form, float, int], Inertia]
-) -> Inertia:
-    """Return the inertia to a tolerance at which all moves are zero: short elements round them."""
-    found = of(form, tolerance, moves)
-    while found.nullity < moves and found.tolerance < LOOSEST:
-        found = of(form, 10 * found.tolerance, moves)
-    return found
 
 
 def inertia_asked(at: DiscretePath, error: float) -> Inertia:
@@ -183,7 +159,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     form = resolve(at, error, INDEX_RESOLUTION)
     found = inertia_beside(form, max(tolerance, NEAR_ZERO))
     if found.nullity <= found.moves:
-        return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE))
+        return replace(found, tolerance=tolerance)
     better = _better_form(at, error, found.nullity - found.moves)
     if better is not None:
         form, tolerance = better, INDEX_TOLERANCE
@@ -344,10 +320,10 @@ def tolerance_of(error: float) -> float:
     return max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE)
 
 
-def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE, moves: int = 0) -> Inertia:
-    """Return the index and the nullity of a discrete second variation, `moves` of it known."""
-    found = _signs_of(form, tolerance, moves)
-    if found.nullity in (0, moves):
+def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
+    """Return the index and the nullity of a discrete second variation, and the smallest |mu|."""
+    found = _signs_of(form, tolerance)
+    if not found.nullity:
         return found
     low, high = 1e-17, tolerance  # the smallest |mu|, to a tenth of itself
     while high > 1.1 * low and high > 1e-16:
@@ -357,16 +333,15 @@ def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE, moves: int = 0) -
     return replace(found, smallest=high)
 
 
-def _signs_of(form: Form, tolerance: float, moves: int) -> Inertia:
-    """Return what `inertia_of` does, with the smallest |mu| only where the moves alone vanish."""
+def _signs_of(form: Form, tolerance: float) -> Inertia:
+    """Return what `inertia_of` does, without the smallest |mu|."""
     if not form.freedom:
         return Inertia(0, 0, None, tolerance)
     check_legendre(form)
     index = _below(form, -tolerance)
-    nullity = _below(form, tolerance) - index
-    return Inertia(index, nullity, 0.0 if 0 < nullity == moves else None, tolerance)
+    return Inertia(index, _below(form, tolerance) - index, None, tolerance)
 
 
 def _below(form: Form, mu: float) -> int:
     """Return the number of eigenvalues below mu."""
-    return condense(form, form.shifted(kinetic=mu)).negative
+    return condense(form, form.shifted(mu)).negative

@@ -107,14 +107,9 @@ class Form:
                 result[e] = np.repeat(self.tr.half[e] * g.rule.weights, self.freedom)
         return result
 
-    def shifted(self, kinetic: float = 0.0, mass: float = 0.0) -> list[Array]:
-        """Return the matrices of d2S - kinetic (its part in L_vv) - mass int |eta|^2 dt."""
-        result = self.elements
-        if kinetic:
-            result = [E - kinetic * K for E, K in zip(result, self.kinetic, strict=True)]
-        if mass:
-            result = [E - np.diag(mass * m) for E, m in zip(result, self.masses, strict=True)]
-        return result
+    def shifted(self, mu: float) -> list[Array]:
+        """Return the matrices of d2S - mu (its part in L_vv)."""
+        return [E - mu * K for E, K in zip(self.elements, self.kinetic, strict=True)]
 
 
 def are_units(units: Array, n: int) -> bool:

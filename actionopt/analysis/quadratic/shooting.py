@@ -53,7 +53,6 @@ def fly(
     problem: Problem,
     q0: Array,
     v0: Array,
-    track: list | None = None,
     watch: Watch | None = None,
     *,
     patient: bool = False,
@@ -61,13 +60,12 @@ def fly(
     """Return coordinates and velocities at the end of motions from q0 and v0, all (n, G, K).
 
     K motions in groups of G that share their steps, so that differences within a group are
-    smooth. NaN where a motion does not stay finite. `track` receives (times (K,), q, v (n, K))
-    of the first of each group after every step. What takes far longer than half of the others is
-    given up, but where `patient`: motions of unlike speeds do.
+    smooth. NaN where a motion does not stay finite. What takes far longer than half of the others
+    is given up, but where `patient`: motions of unlike speeds do.
     """
     t0, T = np.full(v0.shape[2], problem.start.t), np.full(v0.shape[2], problem.duration)
     look = watch and watch.look
-    return integrate(problem, (t0, q0, v0), T, track=track, watch=look, patient=patient)
+    return integrate(problem, (t0, q0, v0), T, watch=look, patient=patient)
 
 
 def integrate(
@@ -87,7 +85,8 @@ def integrate(
     They start at `start`, times (K,), coordinates and velocities (n, G, K), and make no more than
     `steps` steps; `watch` is called before each, with the steps up to it. They end before where
     `arrived` says so, of the motions that made a step, which they are, where (n, A) and when (A,).
-    The rest is as for `fly`.
+    `track` receives (times (K,), q, v (n, K)) of the first of each group after every step. The rest
+    is as for `fly`.
     """
     begin, q0, v0 = start
     n, group, count = v0.shape

@@ -31,7 +31,8 @@ def are_dependent(at: DiscretePath) -> bool:
     """
     slopes = integrals(at)[1]
     if at.tr.layout.rows:
-        rows = _constraint_rows(at)
+        unknowns = at.tr.layout.unknowns
+        rows = full(at.tr.layout, at.tr.kkt(at.z))[unknowns:, :unknowns]
         size = np.linalg.norm(slopes, axis=1, keepdims=True)
         slopes = slopes - np.linalg.lstsq(rows.T, slopes.T, rcond=None)[0].T @ rows
         slopes[np.linalg.norm(slopes, axis=1) < np.sqrt(EPS) * size[:, 0]] = 0.0
@@ -40,12 +41,6 @@ def are_dependent(at: DiscretePath) -> bool:
     size = np.linalg.norm(slopes, axis=1, keepdims=True)
     ratios = np.linalg.svd(slopes / np.where(size > 0, size, 1.0), compute_uv=False)
     return bool(ratios[-1] <= np.sqrt(EPS) * ratios[0])
-
-
-def _constraint_rows(at: DiscretePath) -> Array:
-    """Return the derivatives of the constraints at the nodes by the unknowns, (rows, unknowns)."""
-    unknowns = at.tr.layout.unknowns
-    return full(at.tr.layout, at.tr.kkt(at.z))[unknowns:, :unknowns]
 
 
 def integrals_by_times(at: DiscretePath) -> Array:

@@ -195,12 +195,6 @@ class Numbering:
 _numbering = lru_cache(SHAPES_KEPT)(Numbering)
 
 
-def numbering_of(shape: Elements, order: int, n: int, *ends: Any) -> Numbering:
-    """Return the `Numbering` of these, which systems share where it is small."""
-    made = _numbering if shape.offsets[-1] * order * n <= KEPT_NODES else Numbering
-    return made(shape, order, n, *ends)
-
-
 class Layout(MatrixLayout, Numbering):
     """Numbering and sparsity of the discrete problem on all meshes of one shape.
 
@@ -248,8 +242,9 @@ class Layout(MatrixLayout, Numbering):
         self.partial = in_force is not None  # whether rows are not in force at some nodes
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
-        ends = start, end, closed, inner
-        self.numbering = numbering_of(shape.shape, system.order, system.n, *ends)
+        elements, order, n = shape.shape, system.order, system.n
+        make = _numbering if elements.offsets[-1] * order * n <= KEPT_NODES else Numbering
+        self.numbering = make(elements, order, n, start, end, closed, inner)
         vars(self).update(vars(self.numbering))
         m = system.m
         places = system.order * m  # of multipliers, which live where the coordinates do

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -44,30 +44,22 @@ NO_OPERATIONS = Tape((), ())
 MOST_ELIMINATED = 10
 
 
-class Once(Generic[T]):
+class Once(cached_property[T]):
     """An attribute of laws that is derived on first use, by one thread.
 
-    As functools.cached_property, but with the lock of the laws: two locks could be taken in
-    either order.
+    With the lock of the laws: two locks could be taken in either order.
     """
 
     def __init__(self, build: Callable[[Any], T]) -> None:
-        self.build, self.name = build, build.__name__
-        self.__doc__ = build.__doc__
+        @wraps(build)
+        def derive(laws: Laws) -> T:
+            with laws.lock:
+                kept = vars(laws)
+                if self.name not in kept:
+                    kept[self.name] = build(laws)
+                return kept[self.name]
 
-    @overload
-    def __get__(self, laws: None, owner: type) -> Once[T]: ...
-    @overload
-    def __get__(self, laws: Laws, owner: type) -> T: ...
-    def __get__(self, laws: Laws | None, owner: type) -> Once[T] | T:
-        """Derive it; from then on it is found before this is asked."""
-        if laws is None:
-            return self
-        with laws.lock:
-            kept = vars(laws)
-            if self.name not in kept:
-                kept[self.name] = self.build(laws)
-            return kept[self.name]
+        super().__init__(derive)
 
 
 def keep(build: Callable[[Any], T]) -> Callable[[Any], T]:

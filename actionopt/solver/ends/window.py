@@ -145,21 +145,16 @@ def first_window(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> W
         if not whole.through:  # events tell when it passes them
             phase, shift = _phase(whole, curve, t0, t1)
             if curve is not None and shift:
-                curve, own = _begin_later(curve, own, shift)
+                later, by = curve, shift
+                curve = lambda t: later(t + by)  # noqa: E731
+                if own is not None:
+                    own = own.moved(own.boundaries[0] - by, own.boundaries[-1] - by)
     problem = whole.replace(
         start=Tail(t0, _place(start), -1, phase) if infinite[0] else start,
         end=Tail(t1, _place(end), 1) if infinite[1] else end,
     )
     _ = problem.rests  # raises
     return Window(problem, curve if curve is None or own is None else _extend(curve, own, problem))
-
-
-def _begin_later(
-    curve: Callable[[Array], Any], own: Mesh | None, by: float
-) -> tuple[Callable[[Array], Any], Mesh | None]:
-    """Return a guess, and its mesh, with the origin of time later by so much."""
-    mesh = None if own is None else own.moved(own.boundaries[0] - by, own.boundaries[-1] - by)
-    return (lambda t: curve(t + by)), mesh
 
 
 def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: float) -> bool:

@@ -198,7 +198,7 @@ class _Solver:
         if principle == "stationary":
             size = rows = layout.size
             J, H = layout.kkt.sparsity, ca.Sparsity(size, size)
-            functions = (self._root, self._root_gradient, self._root_rows, self._root_hessian)
+            functions = (self._root, lambda *_: (0.0, 0.0), self._root_rows, lambda *_: (0.0,))
         else:
             size, rows, H = layout.unknowns, layout.rows, layout.hessian.sparsity
             J = layout.jacobian.sparsity if rows else ca.Sparsity(0, size)
@@ -253,14 +253,8 @@ class _Solver:
     def _root(self, x, p):
         return 0.0, self.bound.residual(x)
 
-    def _root_gradient(self, x, p):
-        return 0.0, 0.0
-
     def _root_rows(self, x, p):
         return self.bound.residual(x), kkt_nonzeros(self.bound.layout, self.bound.kkt(x))
-
-    def _root_hessian(self, x, p, lam_f, lam_g):
-        return (0.0,)
 
 
 def find(
@@ -273,7 +267,7 @@ def find(
 
     Rows that are `outside` (rows,) are inequalities, f >= 0; there a path is least, and there are
     integrals that are given beside it, if anything.
-        Whatever the transcription or a signal handler raises meanwhile is raised again, as it is.
+    Whatever the transcription or a signal handler raises meanwhile is raised again, as it is.
     Nothing is found where there is no Ipopt.
     """
     if not is_there():
