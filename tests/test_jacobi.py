@@ -94,9 +94,10 @@ def test_a_path_of_a_family_is_polished_with_its_duration(off):
     mesh = Mesh.uniform(0.0, 2 * np.pi + off, 8, 4)
     s = mesh.nodes * 2 * np.pi / mesh.duration
     path = Path(mesh, np.array([np.cos(s), 0.9 * np.sin(s)]))
-    found = improve(DiscretePath.of(asked.found_at([0.0, mesh.duration]), path), 1e-9, 1)
-    assert found.at.mesh.duration == pytest.approx(2 * np.pi, rel=1e-9)
-    q, v = found.at.Q.T, found.at.path.velocity(found.at.mesh.nodes)
+    at = DiscretePath.of(asked.found_at([0.0, mesh.duration]), path)
+    found, _ = improve(at, 1e-9, 1, with_form=True)
+    assert found.mesh.duration == pytest.approx(2 * np.pi, rel=1e-9)
+    q, v = found.Q.T, found.path.velocity(found.mesh.nodes)
     assert np.abs((q * q + v * v).sum(axis=0) / 2 - 1.0).max() <= 1e-6
 
 

@@ -23,7 +23,6 @@ from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.mechanics.question.held import Held
 from actionopt.mechanics.question.obstacle import Arc
-from actionopt.solver.contact.touching import Touching
 
 SPLINE = ao.System(lambda q, v, a, t: a[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0])
 BEAM = ao.System(
@@ -714,8 +713,8 @@ def test_contacts_are_revised(load, floor, start, end, kinds):
 
 def test_parts_in_contact_become_one_where_what_is_between_them_vanishes():
     def merged(a, b, *arcs, fixed=()):
-        at = SimpleNamespace(contact_problem=SimpleNamespace(fixed_times=fixed, arcs=arcs))
-        return Touching._merge(at, a, b)
+        held = SimpleNamespace(fixed_times=fixed, arcs=arcs)
+        return merge_contacts(held, a, b, moments=True)
 
     arcs = Arc(0, 1.0, 2.0), Arc(0, 2.5, 3.0), Arc(1, 2.1, 4.0)
     assert merged(2.0, 2.5, *arcs) == (Arc(0, 1.0, 3.0), arcs[2])

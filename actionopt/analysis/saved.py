@@ -54,7 +54,9 @@ def save(
     target = solution_file(file)
     # A solution that was loaded without its system knows what the file said of it.
     known = problem if isinstance(problem, Detached) else problem.system
-    tails = [_tail(e) for e in (problem.start, problem.end)]
+    # Beyond these ends the path comes from rest, or tends to it.
+    ends = problem.start, problem.end
+    tails = [[e.near, e.side, e.phase] if e.side else None for e in ends]
     about = {
         "format": SOLUTION_FORMAT,
         "system": problem.name,
@@ -100,11 +102,6 @@ def asked_of(problem: Problem | Detached) -> dict[str, Any]:
     return found
 
 
-def _tail(event: Event) -> list[Any] | None:
-    """Return the numbers to keep of an end beyond which the path comes from rest or tends to it."""
-    return [event.near, event.side, event.phase] if event.side else None
-
-
 def solution_file(file: str | FilePath) -> FilePath:
     """Return where a solution goes. Raises as `save`, and before anything is written."""
     target = ready(file)
@@ -114,7 +111,7 @@ def solution_file(file: str | FilePath) -> FilePath:
 
 
 def _edge(t: float, rest: list[float], side: int, phase: list[Any] | None) -> Tail:
-    """Return the end that `_tail` kept."""
+    """Return an end beyond which the path comes from rest or tends to it."""
     if phase is None:
         return Tail(t, rest, side)
     at, normal, center, weight = phase

@@ -21,7 +21,7 @@ from typing import Literal
 
 import numpy as np
 
-from actionopt.analysis.quadratic.jacobi import improve, improve_path, resolve
+from actionopt.analysis.quadratic.jacobi import improve, resolve
 from actionopt.analysis.quadratic.regular import regular_index
 from actionopt.analysis.quadratic.second_variation import (
     Form,
@@ -121,27 +121,8 @@ def inertia(at: DiscretePath, error: float) -> Inertia:
     index = regular_index(at, error, max(tolerance, NEAR_ZERO))
     if index is not None:
         return Inertia(index, 0, None, tolerance)
-    if at.tr.order > 1:
-        return _count_on_mesh(at, error, _alone)
-    # An eigenvalue that is zero comes to zero as the path comes to be exact, and another one does
-    # not: those that are near zero are counted again along a better path.
-    form = resolve(at, error, INDEX_RESOLUTION)
-    found = _signs_of(form, max(tolerance, NEAR_ZERO))
-    if not found.nullity:
-        return replace(found, tolerance=tolerance)
-    better = _better_form(at, error, found.nullity)
-    if better is not None:
-        form, tolerance = better, INDEX_TOLERANCE
-    return inertia_of(form, tolerance)
-
-
-def _better_form(at: DiscretePath, error: float, nullity: int) -> Form | None:
-    """Return the form along a better path than one known to `error`; None if there is none."""
-    if error <= POLISHED:
-        return None
-    with suppress(ValueError):  # a spurious path may be resolved on no mesh
-        return improve(at, POLISHED, nullity)
-    return None
+    found, form = _count(at, error, _alone, resolved=at.tr.order == 1)
+    return found if form is None else _with_smallest(found, form)
 
 
 def inertia_asked(at: DiscretePath, error: float) -> Inertia:
@@ -153,25 +134,17 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     but where the start gives coordinates: phase conditions keep it from that, and those moves are
     counted as vanishing eigenvalues.
     """
-    tolerance = tolerance_of(error)
-    if at.problem.touches or at.problem.original.integral is not None or at.tr.order > 1:
-        return _count_on_mesh(at, error, _beside)
-    form = resolve(at, error, INDEX_RESOLUTION)
-    found = inertia_beside(form, max(tolerance, NEAR_ZERO))
-    if found.nullity <= found.moves:
-        return replace(found, tolerance=tolerance)
-    better = _better_form(at, error, found.nullity - found.moves)
-    if better is not None:
-        form, tolerance = better, INDEX_TOLERANCE
-    return _beside(form.at, tolerance, form)
+    problem = at.problem
+    plain = not (problem.touches or problem.original.integral is not None or at.tr.order > 1)
+    return _count(at, error, _beside, resolved=plain)[0]
 
 
-def inertia_beside(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
+def inertia_beside(form: Form) -> Inertia:
     """Return the inertia of a path and of what was found beside it, on the mesh of a form."""
-    return _beside(form.at, tolerance, form)
+    return _beside(form.at, INDEX_TOLERANCE, form)
 
 
-def _beside(at: DiscretePath, tolerance: float, form: Form | None = None) -> Inertia:
+def _beside(at: DiscretePath, tolerance: float, form: Form | None) -> Inertia:
     asked = at.problem.original
     bordered, y = equations_of(asked, at, moves_of(asked))
     assert isinstance(bordered, Bordered)
@@ -194,35 +167,45 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     Wright, *Numerical Optimization* (2nd ed. 2006), theorem 16.3), on the mesh of the path. Raises
     ValueError as `inertia` does.
     """
-    return _count_on_mesh(at, error, _through)
+    return _count(at, error, _through)[0]
 
 
-def _alone(at: DiscretePath, tolerance: float) -> Inertia:
-    return _on_its_mesh(at, at.tr, at.z, tolerance)
+def _alone(at: DiscretePath, tolerance: float, form: Form | None) -> Inertia:
+    if form is None:
+        return _on_its_mesh(at, at.tr, at.z, tolerance)
+    return _signs_of(form, tolerance)
 
 
-def _through(at: DiscretePath, tolerance: float) -> Inertia:
+def _through(at: DiscretePath, tolerance: float, _: Form | None) -> Inertia:
     equations, z = equations_of(at.problem.original, at)
     return _on_its_mesh(at, equations, z, tolerance)
 
 
-def _count_on_mesh(
-    at: DiscretePath, error: float, count: Callable[[DiscretePath, float], Inertia]
-) -> Inertia:
-    """Return the inertia counted on the mesh of a path, on a better one where it leaves signs open.
+def _count(
+    at: DiscretePath,
+    error: float,
+    count: Callable[[DiscretePath, float, Form | None], Inertia],
+    *,
+    resolved: bool = False,
+) -> tuple[Inertia, Form | None]:
+    """Return the inertia on the mesh of a path, or on one where Jacobi fields are `resolved`.
 
-    As `_count` does where Jacobi fields are resolved, so that no verdict hangs on the tolerance.
+    And the form there. An eigenvalue that is zero comes to zero as the path comes to be exact, and
+    another one does not: where signs are open they are counted again along a better path, so that
+    no verdict hangs on the tolerance.
     """
     tolerance = tolerance_of(error)
-    found = count(at, max(tolerance, NEAR_ZERO))
+    form = resolve(at, error, INDEX_RESOLUTION) if resolved else None
+    near = at if form is None else form.at
+    found = count(near, max(tolerance, NEAR_ZERO), form)
     if found.nullity <= found.moves:
-        return replace(found, tolerance=tolerance)
+        return replace(found, tolerance=tolerance), form
     if not (error <= POLISHED or at.problem.touches):
         with suppress(ValueError):  # a spurious path may be resolved on no mesh
-            better = improve_path(at, POLISHED, found.nullity - found.moves)
+            better = improve(at, POLISHED, found.nullity - found.moves, with_form=resolved)
             if better is not None:
-                at, tolerance = better, INDEX_TOLERANCE
-    return count(at, tolerance)
+                (near, form), tolerance = better, INDEX_TOLERANCE
+    return count(near, tolerance, form), form
 
 
 def _on_its_mesh(
@@ -322,10 +305,14 @@ def tolerance_of(error: float) -> float:
 
 def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
     """Return the index and the nullity of a discrete second variation, and the smallest |mu|."""
-    found = _signs_of(form, tolerance)
+    return _with_smallest(_signs_of(form, tolerance), form)
+
+
+def _with_smallest(found: Inertia, form: Form) -> Inertia:
+    """Return the inertia with the smallest |mu|, to a tenth of itself, where signs are open."""
     if not found.nullity:
         return found
-    low, high = 1e-17, tolerance  # the smallest |mu|, to a tenth of itself
+    low, high = 1e-17, found.tolerance
     while high > 1.1 * low and high > 1e-16:
         middle = float(np.sqrt(low * high))
         zeros = _below(form, middle) > _below(form, -middle)

@@ -12,8 +12,6 @@ fields are replaced by an orthonormal frame that spans the same Lagrangian plane
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from actionopt.analysis.quadratic.second_variation import (
@@ -132,29 +130,17 @@ def resolve(first: DiscretePath, error: float, tol: float, *, polish: bool = Fal
     return found
 
 
-def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
-    """Return d2S along a path improved on a mesh that resolves it and its Jacobi fields to `tol`.
+def improve(
+    at: DiscretePath, tol: float, nullity: int, *, with_form: bool
+) -> tuple[DiscretePath, Form | None] | None:
+    """Return a path improved on a mesh that resolves it to `tol`, perhaps `with_form`.
 
-    With what was found beside it, such as its duration. Newton's method leaves the path where it is
+    That is d2S, on a mesh that resolves its Jacobi fields as well. What was found beside the path,
+    such as its duration, is improved with it. Newton's method leaves the path where it is
     along `nullity` directions in which the action hardly bends, if its own steps lead nowhere for
     them: in a family of paths any will do. What moves a closed path along itself, or as a whole, is
-    not among them. None where it finds no stationary path near. Raises ValueError as `resolved`
-    does.
+    not among them. None where no stationary path is found near. Raises ValueError as `resolve`.
     """
-    found = _improve(first, tol, nullity, form)
-    return found if isinstance(found, Form) else None
-
-
-def improve_path(first: DiscretePath, tol: float, nullity: int) -> DiscretePath | None:
-    """Return the path of `improve` on a mesh that resolves it, whatever its neighbours need."""
-    found = _improve(first, tol, nullity, None)
-    return found if isinstance(found, DiscretePath) else None
-
-
-def _improve(
-    at: DiscretePath, tol: float, nullity: int, of: Callable[[DiscretePath], Form] | None
-) -> Form | DiscretePath | None:
-    """Return what `of` makes of the path that is improved, or the path."""
     asked = at.problem.original
     for _ in range(FIELD_ROUNDS):
         equations, z = equations_of(asked, at, moves_of(asked))
@@ -164,13 +150,13 @@ def _improve(
         z, force = near
         tr = equations.at(z)
         at = DiscretePath(tr, z[: tr.layout.size])
-        found = None if of is None else of(at)
+        found = form(at) if with_form else None
         if found is not None:
             at = found.at
             check_independent(at, found.units, tol)
         mesh = finer(tr.mesh, tol, form=found, Q=at.Q / tr.lengths)
         if mesh is None:
-            return (found or at) if force < FREE_FORCE else None
+            return (at, found) if force < FREE_FORCE else None
         at = at.on(mesh, at.multipliers(mesh.nodes) if found is not None else None)
     return None
 

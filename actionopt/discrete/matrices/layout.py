@@ -351,7 +351,7 @@ class Layout(MatrixLayout, Numbering):
             targets += [(self.number[k][row], self.number[k][col]) for k in self.nodal]
         targets += [
             self._diagonal("second", 0),
-            self._mixed_targets("second", 1),
+            self._mixed_targets("second"),
             self._stiff("second", 2),
         ]
         if self.system.m and not self.system.structure.affine_constraint:
@@ -379,7 +379,7 @@ class Layout(MatrixLayout, Numbering):
     @cached_property
     def forcing(self) -> Pattern:
         """Derivative of the virtual work of the non-conservative forces."""
-        targets = [self._diagonal("force_jacobian", 0), self._mixed_targets("force_jacobian", 1)]
+        targets = [self._diagonal("force_jacobian", 0), self._mixed_targets("force_jacobian")]
         return Pattern.build(self.unknowns, self.unknowns, targets)
 
     @cached_property
@@ -434,9 +434,9 @@ class Layout(MatrixLayout, Numbering):
             found.append(_pairs(rows[:, :, None], cols[:, None]))
         return found
 
-    def _mixed_targets(self, function: str, output: int):
+    def _mixed_targets(self, function: str):
         """Targets of w_j D_jl B_j: row at node j, column at node l, order (E, j, l, nonzero)."""
-        rows, cols = self.system.pointwise(function).sparsity(output)
+        rows, cols = self.system.pointwise(function).sparsity(1)
         parts = []
         for g in self.groups:
             at = self.number[g.nodes]

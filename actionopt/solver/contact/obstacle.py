@@ -393,14 +393,11 @@ class Along(Workspace[Iterate]):
         gone &= changes < 0
         if gone.any():
             k = int(gone.argmax())
-            raise ContactChange(self._merge(knots[k], knots[k + 1]))
+            moments = self.question.system.order > 1
+            raise ContactChange(merge_contacts(held, knots[k], knots[k + 1], moments=moments))
         limit = (SHRINK - 1) * lengths
         slight = bool(np.abs(step).max() < SHORT_STEP * lengths.min())
         return min(1.0, float((limit / np.minimum(changes, limit)).min())), slight
-
-    def _merge(self, a: float, b: float) -> tuple[Arc, ...]:
-        """Return the parts in contact when what is between two times has vanished."""
-        return merge_contacts(self.contact_problem, a, b, moments=False)
 
     def _shift(self, step: Array) -> None:
         """Move the times of contact, and the mesh and the path with them."""

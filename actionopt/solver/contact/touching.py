@@ -26,7 +26,6 @@ import numpy as np
 from actionopt.analysis.status import Status
 from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.borders.borders import times_of
-from actionopt.discrete.borders.contact_times import merge_contacts
 from actionopt.discrete.meshes.boundaries import with_boundaries
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
@@ -82,10 +81,6 @@ class Touching(Along):
     def _convert_multipliers(self, old: DiscretePath, path: Path) -> Array:
         """Return zeros (K, r): the multipliers follow from the path, which is not to be moved."""
         return np.zeros((path.mesh.nodes.size, self.contact_problem.system.m))
-
-    def _merge(self, a: float, b: float) -> tuple[Arc, ...]:
-        """Return the parts in contact when what is between two times has vanished."""
-        return merge_contacts(self.contact_problem, a, b, moments=True)
 
     def next_contacts(self, allowed: float) -> tuple[Arc, ...] | None:
         """Return other parts to hold, if the path violates a condition somewhere; else None.

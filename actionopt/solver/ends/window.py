@@ -389,11 +389,6 @@ def centre(solution: Solution, asked: Phase | None) -> Solution:
     return replace(solution, problem=moved, path=Path(mesh, solution.path.values), known=None)
 
 
-def judge_window(solution: Solution, edges: list[Edge]) -> Solution:
-    """Return the solution with what the edges leave out in its error."""
-    return replace(solution, error=solution.error + max(edge.moved for edge in edges))
-
-
 def _reach(whole: Problem, event: Event, other: Event, folds: float, curve: Any) -> float:
     """Return a time for the window's edge, so many e-foldings from where something happens.
 

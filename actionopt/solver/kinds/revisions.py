@@ -126,8 +126,9 @@ def windows(
             solution = replace(solution, status=Status.UNRESOLVED)
             break
         here = later
-    asked = here.problem.start.phase
-    return window.centre(window.judge_window(solution, edges), asked), message
+    left_out = max(edge.moved for edge in edges)
+    solution = replace(solution, error=solution.error + left_out)
+    return window.centre(solution, here.problem.start.phase), message
 
 
 def _on_window(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
