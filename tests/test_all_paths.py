@@ -12,7 +12,7 @@ from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis.quadratic.shooting import fly, velocities
+from actionopt.analysis.quadratic.shooting import shoot, velocities
 from actionopt.families.searches import searches, velocity_scan
 from actionopt.families.searches.all_paths import Paths, detected_angles, solve_all
 from actionopt.families.searches.searches import SAME_ACTION, Answers
@@ -307,7 +307,7 @@ def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkey
     run, met = Answers(problem, 1e-8, (), 0, 0, None), []
     monkeypatch.setattr(run, "_arrivals", lambda classes, v0: met.extend(v0[0]) or ())
     shot = []
-    monkeypatch.setattr(velocity_scan, "fly", lambda *v, **o: shot.append(1) or fly(*v, **o))
+    monkeypatch.setattr(velocity_scan, "shoot", lambda *v, **o: shot.append(1) or shoot(*v, **o))
     assert list(run._scan(4)) == [] and run.scanned
     assert met and len(shot) < 9  # the first, and divisions until the miss is linear between two
     for v in met:

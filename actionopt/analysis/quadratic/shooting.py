@@ -43,10 +43,10 @@ DOPRI_STAGES = (
 DOPRI_ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-def shoot(problem: Problem, v0: Array) -> Array:
+def shoot(problem: Problem, v0: Array, *, patient: bool = False) -> Array:
     """Return where motions from the start event with velocities v0 (n, G, K) end, (n, G, K)."""
     q0 = np.array(problem.start.q, dtype=float)[:, None, None]
-    return fly(problem, np.broadcast_to(q0, v0.shape), v0)[0]
+    return fly(problem, np.broadcast_to(q0, v0.shape), v0, patient=patient)[0]
 
 
 def fly(

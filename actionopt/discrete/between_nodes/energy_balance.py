@@ -180,7 +180,9 @@ class Balance:
             shown = min(shown, UNCERTAIN_SHARE * self.read)
         off = np.concatenate([part.ravel() for part in self.off])
         allowed = np.full(off.size, shown)
-        low, high = self._intervals_and_joints()
+        low, high = self._intervals()
+        inner, width = self.at.mesh.since[1:-1], round_off_time(self.at.problem)
+        low, high = np.append(low, inner - width), np.append(high, inner + width)
         order = np.argsort(low, kind="stable")
         if self.at.tr.order == 1:
             reach, kinetic = self._inertias()
@@ -199,12 +201,6 @@ class Balance:
                 return None
         order = order[wrong[order]]
         return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed[order])
-
-    def _intervals_and_joints(self) -> tuple[Array, Array]:
-        """Return times since the start between which L is `off`, (K,), in one array each."""
-        low, high = self._intervals()
-        inner, width = self.at.mesh.since[1:-1], round_off_time(self.at.problem)
-        return np.append(low, inner - width), np.append(high, inner + width)
 
     def _inertias(self) -> tuple[Array, Array]:
         """Return |m v| . s and |m v| . |v| in the intervals in which L may be `off`, in one array.
@@ -590,7 +586,10 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
     with np.errstate(all="ignore"):
         found = problem.system.pointwise("first")(q.T, flat.T, t, problem.packed)
         Lq, p, L = (np.array(y.T, order="C") for y in found)
-        explicit = _time_rate(problem, q.T, flat.T, t) if timed else np.zeros(1)
+        explicit = np.zeros(1)
+        if timed and problem.system.structure.depends_on_time:
+            of_time = problem.system.pointwise("rate")(q.T, flat.T, t, problem.packed)[0]
+            explicit = _flat(of_time[:, 0].copy())
         rate = _rate(Lq, rates_of(q.T, flat), explicit).reshape(since.shape)
         p, L = p.reshape(v.shape), L.reshape(since.shape)
         ends = L[:, ENDS], v[:, :, ENDS]
@@ -603,13 +602,6 @@ def _at_ends(tr: Transcription, x: Array) -> tuple[Array, Array, Array]:
     _, p, L = tr.first(x)
     v, p, L = (y.take(ends, axis=0).T for y in (tr.place(x).v, p, L))
     return v.reshape(shape), p.reshape(shape), L.reshape(shape[1:])
-
-
-def _time_rate(problem: Problem, q: Array, v: Array, t: Array) -> Array:
-    """Return dL/dt at fixed q and v, (K,), or a zero where L contains no time."""
-    if not problem.system.structure.depends_on_time:
-        return np.zeros(1)
-    return _flat(problem.system.pointwise("rate")(q, v, t, problem.packed)[0][:, 0].copy())
 
 
 def rates_of(q: Array, v: Array) -> Array:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from actionopt.analysis.quadratic.shooting import (
     ARRIVAL_TOL,
     directions,
-    fly,
     on_constraints,
+    shoot,
     velocities,
 )
 from actionopt.mechanics.question.problem import Problem
@@ -73,10 +73,7 @@ def _grid(problem: Problem, far: Array, count: int) -> Array:
 
 def _ends(problem: Problem, v: Array) -> Array:
     """Return where motions with velocities v (n, K) end, (n, K), however slowly they get there."""
-    q0 = np.broadcast_to(
-        np.array(problem.start.q, dtype=float)[:, None, None], (*v[:, None].shape,)
-    )
-    return fly(problem, q0, v[:, None], patient=True)[0][:, 0]
+    return shoot(problem, v[:, None], patient=True)[:, 0]
 
 
 def _insert(

@@ -179,14 +179,13 @@ def barrier(
 
     And `what` that place is.
     """
-    packed = problem.packed_of(law)
     with np.errstate(all="ignore"):
-        rest = -law.pointwise("first")(q, 0 * q, np.zeros((len(q), 1)), packed)[2][:, 0]
+        rest = potential(problem, q, law)
         k = int(np.argmax(np.where(np.isfinite(rest), rest, -np.inf)))
         above = MERGED * max(abs(energy), abs(rest[k])) + _roundoff(problem, law, q, energy)
         if not rest[k] - energy > above:
             return ""
-    if not _is_least_at_rest(law, q[k], packed):
+    if not _is_least_at_rest(law, q[k], problem.packed_of(law)):
         return ""
     return (
         f"the energy {energy:.6g} is below the potential, {rest[k]:.6g}, at "
@@ -198,10 +197,9 @@ def barrier(
 def _roundoff(problem: Problem, law: System, q: Array, energy: float) -> float:
     """Return by how much a potential may be off that is as high as an energy, near q (K, n)."""
     near = q if len(q) > 1 else q + np.outer([0.0, -1.0, 1.0], problem.scales)
-    first, packed = law.pointwise("first"), problem.packed_of(law)
     with np.errstate(all="ignore"):
-        rest = -first(near, 0 * near, np.zeros((len(near), 1)), packed)[2][:, 0]
-    return TOP_ROUNDOFF * float(np.abs(rest - energy)[np.isfinite(rest)].max(initial=0.0))
+        rest = potential(problem, near, law)
+        return TOP_ROUNDOFF * float(np.abs(rest - energy)[np.isfinite(rest)].max(initial=0.0))
 
 
 def _is_least_at_rest(law: System, q: Array, packed: Array) -> bool:
@@ -259,11 +257,12 @@ def legs_to_rest(problem: Problem) -> Iterator[tuple[Array, Array, float]]:
         yield a, b, float(potential(problem, a[None])[0]) + 0.0  # no -0.0, to be told
 
 
-def potential(problem: Problem, q: Array) -> Array:
-    """Return the energy at rest at places q (K, n), (K,)."""
+def potential(problem: Problem, q: Array, law: System | None = None) -> Array:
+    """Return the energy at rest at places q (K, n), (K,), perhaps of the `law` of a leg."""
+    law = problem.system if law is None else law
     with np.errstate(all="ignore"):
-        at = q, 0 * q, np.zeros((len(q), 1)), problem.packed
-        return -problem.system.pointwise("first")(*at)[2][:, 0]
+        at = q, 0 * q, np.zeros((len(q), 1)), problem.packed_of(law)
+        return -law.pointwise("first")(*at)[2][:, 0]
 
 
 def _tops(problem: Problem, a: Array, b: Array, energy: float) -> tuple[Array, float]:

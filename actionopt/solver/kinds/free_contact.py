@@ -116,7 +116,9 @@ def _between_given(
         near = path
         T = duration_along(fixed, straight(fixed)) if path is None else path.mesh.duration
         for _ in range(DURATIONS):
-            found = solve_on_the_way(_with_duration(fixed, T), FIRST_TOL, watch, near)
+            there = over(fixed, T)
+            given = fixed.replace(start=there.start, end=there.end)
+            found = solve_on_the_way(given, FIRST_TOL, watch, near)
             if not found.success:
                 break
             last, T = T, duration_along(fixed, found.path.values.T)
@@ -124,13 +126,6 @@ def _between_given(
                 break
             near = found
         yield found
-
-
-def _with_duration(problem: Problem, duration: float) -> Problem:
-    """Return the question with events at given times."""
-    there, integral = over(problem, duration), problem.integral
-    given = {"parameters": there._given_parameters, "integral": integral}
-    return Problem(there.question, there.start, there.end, **given)
 
 
 def _at_first(problem: Problem) -> Problem:
@@ -222,9 +217,7 @@ def _near_energy(problem: Problem, T: float, watch: Watch | None) -> Solution | 
     short, long = 0.0, np.inf
     for _ in range(BISECTED):
         times = times_over(problem, T)
-        start, end = problem.start.at(times[0]), problem.end.at(times[1])
-        given = {"parameters": problem._given_parameters, "integral": problem.integral}
-        asked = Problem(problem.question, start, end, through=problem.through, **given)
+        asked = problem.replace(start=problem.start.at(times[0]), end=problem.end.at(times[1]))
         found = solve_on_the_way(asked, FIRST_TOL, watch)
         if not found.success:
             break
