@@ -91,7 +91,7 @@ def _fields(
 
 
 def propagate(elements: list[Array], unit: float, plane: Array) -> tuple[list[Array], Array]:
-    """Return what `fields` does, on elements of d2S, with momenta in a `unit`.
+    """Propagate fields as `fields` does, on elements of d2S, with momenta in a `unit`.
 
     Raises numpy.linalg.LinAlgError where the start does not determine them.
     """

@@ -118,9 +118,9 @@ class Winding:
 
 
 class Start(NamedTuple):
-    """A curve from which a path is sought, a guess or the straight line, and how it was found.
+    """A guess from which a path is sought, or None for the straight line, and how it was found.
 
-    Or what has come of it.
+    `solution` is what it led to, where that is known already.
     """
 
     winding: Winding
@@ -181,7 +181,7 @@ class Answers:
         return np.max([np.abs(Q[-1] - Q[0]) for Q in lines], axis=0)
 
     def starts(self, starts: int, shots: int, continuations: int) -> Iterator[Start]:
-        """Yield all starts of the question's kind; what they lead to is known when one goes on."""
+        """Yield all starts of the question's kind; each is answered before the next is made."""
         if self.problem.system.r:
             yield from self._to_all_sides(starts)
         elif self.problem.is_joined:
@@ -334,7 +334,7 @@ class Answers:
                     break
 
     def _closing(self, c: Winding, shots: int, rng: np.random.Generator) -> Iterator[Start]:
-        """Yield some motions from anywhere, slow and fast."""
+        """Yield motions from random places, slow and fast ones, that close."""
         n, T, advance = self.problem.system.n, c.problem.duration, c.problem.advance
         assert advance is not None
         rates = 2 * np.pi * (c.tr.lengths + np.abs(advance)) / T

@@ -141,7 +141,7 @@ class Body:
         return normals, points
 
     def _arc_from(self, first: Array, corners: list[Array]) -> tuple[Array, Array] | None:
-        """Return the same, point by point, for normals that turn from one to the next corner."""
+        """Return an arc found point by point, with normals that turn from corner to corner."""
         found = [(corners[0], first)]
         for a, b in pairwise(corners):
             most = ANGLE / max(angle_of(a, b), EPS)
@@ -205,7 +205,7 @@ class StringPart:
 
     times: Array  # (K,): since the start
     points: Array  # (K, n): where it is then
-    normals: Array  # (K, n): the body's there
+    normals: Array  # (K, n): the body's normals there
     ahead: Array  # (K, n): which way it goes on, unit vectors
     lengths: Array  # (K,): along it
 
@@ -257,19 +257,19 @@ def along_surface(points: Array, normals: Array) -> tuple[Array, Array]:
 
 
 def sums(parts: Array) -> Array:
-    """Return the sums of the first of these (K,), of none to all, (K + 1,)."""
+    """Return the sums of the first 0, 1, ... K of the parts (K,), (K + 1,)."""
     found = np.zeros(parts.size + 1)
     np.add.accumulate(parts, out=found[1:])
     return found
 
 
 def clip(x: Array, low: Any, high: Any) -> Array:
-    """Return what `np.clip` does of few numbers, in a fourth of the time."""
+    """Return what `np.clip` returns; of few numbers it takes a fourth of the time."""
     return np.minimum(np.maximum(x, low), high)
 
 
 def dot(x: Array, y: Array) -> Array:
-    """Return the products of vectors along the last axis: `einsum` takes longer for few."""
+    """Return scalar products along the last axis: `einsum` takes longer for few."""
     return np.add.reduce(x * y, axis=-1)
 
 
@@ -307,7 +307,7 @@ class Ways:
     v: Array  # (K, n): its velocities
     # the time since the start, and how far (n,) from the path it is then
     before: tuple[float, Array]
-    behind: tuple[float, Array]  # the same of the other
+    behind: tuple[float, Array]  # the same at the other end
 
     def passing(self, x: Array) -> tuple[Array, Array]:
         """Return with which velocities it comes to points x and leaves them as fast, (C, n) each.
@@ -487,7 +487,7 @@ class WayOut:
     t: float  # when it is there
     q: Array  # (n,): where, in units of the coordinates' `measures`
     body: Body  # the row that it is inside of
-    normal: Array  # (n,): the body's there, in the same units
+    normal: Array  # (n,): the body's normal there, in the same units
 
     @classmethod
     def of(cls, held: Held, path: Path) -> WayOut | None:

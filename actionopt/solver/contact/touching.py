@@ -56,7 +56,7 @@ NOT_TOUCHED = (
 
 @dataclass(eq=False)
 class Touching(Along):
-    """The workspace of such a search."""
+    """The workspace of a search for a path with accelerations along an obstacle."""
 
     # whether parts that would have to pull were let go: they are not held again for being near
     cut: bool = False

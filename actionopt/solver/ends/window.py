@@ -197,7 +197,7 @@ def for_search(whole: Problem, tol: float) -> Problem:
 
 
 def step(problem: Problem) -> Callable[[Array], Array] | None:
-    """Return a step, tanh, from one equilibrium to the other on a window, or None for one alone.
+    """Return a step (tanh) from one equilibrium to the other on a window; None if they are one.
 
     Through events, a path straight between them that comes to rest beyond.
     """
@@ -566,7 +566,7 @@ def infinite_problem(problem: Problem) -> Problem | None:
 
 
 def restrict_guess(solution: Solution, problem: Problem) -> Callable[[Array], Array]:
-    """Return a path of infinite time as a guess for one of finite time between the same places.
+    """Return a path of infinite time as a guess for a path of finite time between the same places.
 
     Placed so that it dwells at either end for as many e-foldings.
     """

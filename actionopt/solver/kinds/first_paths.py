@@ -85,7 +85,7 @@ class FirstPaths:
     def firsts(
         self, guess: Guess | DiscretePath | None
     ) -> Iterator[tuple[Path, Array | None, str]]:
-        """Yield paths, with multipliers (K, m) or none, from which to set out, and whence."""
+        """Yield paths to set out from, with multipliers (K, m) or none, and how each was found."""
         if guess is not None:
             first, last = REPRESENTED
             if isinstance(guess, Solution) and guess.success:

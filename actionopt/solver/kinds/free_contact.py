@@ -53,7 +53,7 @@ NOWHERE = "no path between given events near these was found"
 
 
 def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
-    """Return the path along an obstacle that is least, near a guess if there is one, and a verdict.
+    """Return the least path along an obstacle, near a guess if there is one, and a verdict.
 
     Its duration is to be found, or its events lie on surfaces.
     """
@@ -129,7 +129,7 @@ def _between_given(
 
 
 def _at_first(problem: Problem) -> Problem:
-    """Return the question at some times, for a verdict on no path."""
+    """Return the question at arbitrary times: what a verdict speaks of where no path was found."""
     from actionopt.solver.kinds.through import fill_times
 
     if not problem.is_joined:

@@ -182,9 +182,9 @@ def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterato
 
 
 def _beside_rest(problem: Problem, choices: Choices) -> Found | None:
-    """Return the least path beside a rest as far as it is found soon, or why there is none.
+    """Return the least path beside a rest if it is found quickly, or why there is none.
 
-    None where more is to be tried.
+    None where other ways have to be tried.
     """
     from actionopt.solver.kinds.rest_between import has_other_rests, path_to_rest
 
@@ -207,7 +207,7 @@ def _beside_rest(problem: Problem, choices: Choices) -> Found | None:
 
 
 def _may_be_least(solution: Solution) -> bool:
-    """Whether a path was found that no variation is known to lower: a descent is not asked."""
+    """Whether a path was found whose action no known variation lowers; no descent is tried."""
     if solution.success and solution.stats["rung"] in {way.name for way in CHEAP}:  # these descend
         return True
     with suppress(ValueError):  # where L is not convex in the rates

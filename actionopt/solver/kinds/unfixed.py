@@ -553,7 +553,7 @@ def solve_free_boundary(
 
 @dataclass(eq=False)
 class _FreeBoundarySearch:
-    """A search for a path whose duration is to be found, or that closes."""
+    """A search for a path that closes, or whose duration is to be found."""
 
     run: Unfixed
     first: FirstPaths
@@ -561,7 +561,7 @@ class _FreeBoundarySearch:
     choices: Choices
     # Why no motion of the energy leads to the end, if that is known.
     barrier: str = field(init=False)
-    # Whether a path was found whose error is known, or that is none as its energy tells.
+    # Whether a path was found whose error is known, or one that its energy shows to be no path.
     known: bool = False
 
     def __post_init__(self) -> None:
@@ -573,7 +573,7 @@ class _FreeBoundarySearch:
         return self.choices.strategies is not GUESS_ONLY
 
     def tries(self) -> Iterator[tuple[Path, Array | None, str, bool]]:
-        """Yield first paths with their multipliers, whence, and whether to damp the steps."""
+        """Yield first paths, their multipliers, how each was found, and whether to damp steps."""
         if self.barrier:
             return
         problem, first, firsts = self.run.problem, self.first, []
