@@ -503,21 +503,9 @@ class Factored:
     What is left of an element is a matrix of its two end nodes, and all of them are block
     tridiagonal: the nodes between elements are eliminated one after the other, without pivoting.
 
-    Parameters
-    ----------
-    shape : Shape
-    coefficients : list of arrays
-        As `Stack.coefficients` returns them, for C members. Memory is shared by all of one shape:
-        another matrix takes the place of the last one.
-    counted : bool
-        Whether negative eigenvalues are counted.
-
-    Attributes
-    ----------
-    largest : (C,) array
-        The largest number on the diagonals.
-    negative : (C,) array of int
-        Pivots that are negative, as many as eigenvalues, if they are `counted`.
+    The matrices are made of `Stack.coefficients`. All of one shape share memory: another matrix
+    takes the place of the last one. `largest` (C,) are the largest numbers on the diagonals and,
+    if they are `counted`, `negative` (C,) the numbers of negative pivots, and so of eigenvalues.
     """
 
     def __init__(

@@ -308,12 +308,8 @@ def merge_contacts(held: Held, a: float, b: float, *, moments: bool) -> tuple[Ar
 class Rates:
     """What `Slips` are where L contains accelerations: df/dt, of q and v at S nodes.
 
-    Attributes
-    ----------
-    row, edge : (S,) arrays
-        Of the obstacle, and whether an arc begins or ends there.
-    values, by_place, by_t : (S,), (S, 2 n) and (S,) arrays
-        df/dt, and its derivatives by q and v and by the time.
+    Each is of a `row` of the obstacle; an arc begins or ends there if `edge` says so. The `values`
+    (S,) of df/dt have derivatives by q and v, `by_place` (S, 2 n), and by the time, `by_t` (S,).
     """
 
     def __init__(self, at: DiscretePath) -> None:
@@ -362,10 +358,6 @@ class Slips:
     That is df/dt on the free side, zero where the path meets the obstacle tangentially: at the
     first or the last nodes of elements. The velocities there satisfy the constraints in force, by
     Newton's method from the polynomial's: one step where L is quadratic in v.
-
-    Attributes
-    ----------
-    values : (S,) array
     """
 
     def __init__(self, at: DiscretePath) -> None:

@@ -35,12 +35,8 @@ from actionopt.tools.types import Array, NDInt
 class Stretch:
     """The derivatives of the action and of a path's equations as boundaries move, z kept.
 
-    Parameters
-    ----------
-    at : DiscretePath
-        Of a system without non-conservative forces.
-    rates : (J, N + 1) array
-        At which the boundaries of the elements move with each of J times.
+    The boundaries of the elements move at the `rates` (J, N + 1) with each of J times. The system
+    has no non-conservative forces.
     """
 
     def __init__(self, at: DiscretePath, rates: Array) -> None:

@@ -23,13 +23,8 @@ from actionopt.tools.types import Array
 class StretchedRows:
     """The derivatives of rows in contact and of their work as boundaries move, z kept.
 
-    Parameters
-    ----------
-    at : DiscretePath
-    longer, later : (J, evaluations) arrays
-        h' / h, and t'.
-    shifts : two arrays (evaluations, n)
-        How q changes with log h, to first and to second order.
+    By h' / h (`longer`) and t' (`later`), (J, evaluations) each, and the `shifts` (evaluations, n)
+    of q with log h, to first and to second order.
     """
 
     def __init__(

@@ -101,15 +101,9 @@ def eliminate(M: Array, count: int, band: Band) -> Array:
 
 
 class RowElimination:
-    """The first rows of symmetric matrices (f, f, B), upper rows, eliminated one after the other.
+    """The first `count` rows of symmetric matrices, upper rows, eliminated one after the other.
 
-    Parameters
-    ----------
-    M : (f, f, B) array
-        In which it is done: what is left are the matrices of the other rows.
-    count : int
-        How many rows.
-    band : Band
+    In place, in M (f, f, B): what is left there are the matrices of the other rows.
     """
 
     def __init__(self, M: Array, count: int, band: Band) -> None:

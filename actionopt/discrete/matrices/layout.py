@@ -458,15 +458,9 @@ class Layout(MatrixLayout, Numbering):
 
 
 class BorderedLayout(MatrixLayout):
-    """The layout of [K B; C D]: a KKT matrix with a border of a few unknowns and equations.
+    """The layout of [K B; C D]: a KKT matrix with a border of b unknowns and equations.
 
     The nonzeros are those of K, and B (size, b), C (b, size) and D (b, b), one after the other.
-
-    Parameters
-    ----------
-    inner : Layout
-    border : int
-        b.
     """
 
     def __init__(self, inner: Layout, border: int) -> None:

@@ -79,16 +79,8 @@ class _Step:
 class Increments(Factors):
     """Factors of the matrix of a path without constraints that does not close, as above.
 
-    A border is eliminated first, by as many solutions.
-
-    Parameters
-    ----------
-    equations : Equations
-    z : (size,) array
-    nonzeros : array
-        As `equations.kkt(z)` returns them.
-    shift : float
-        Times the kinetic part of the matrix that is taken off it, in `nonzeros` as well.
+    The `nonzeros` are those of `equations.kkt(z)`, less `shift` times the kinetic part. A border is
+    eliminated first, by as many solutions.
     """
 
     def __init__(self, equations: Equations, z: Array, nonzeros: Array, shift: float = 0.0) -> None:

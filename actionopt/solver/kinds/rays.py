@@ -151,14 +151,9 @@ def _all_round(
 class RaySearch:
     """All motions that were followed: their states and those nearest to each, what each costs.
 
-    Attributes
-    ----------
-    u : (K, M) array
-    cost : (K,) array
-    where : (K, k + 2, n + 1) array
-        Places and times of their events, in units of the sizes and of the duration.
-    near, apart : (K, M) arrays
-        The motions of the nearest states, and how far these are, in the sizes.
+    With the states u (K, M) and the costs (K,) go `where` (K, k + 2, n + 1) their events are, in
+    units of the sizes and of the duration, and `near` and `apart` (K, M), the motions of the
+    nearest states and how far these are, in the sizes.
     """
 
     def __init__(self, tracer: RayTracer) -> None:
