@@ -64,9 +64,9 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.25, 1e-7
 # What the mesh leaves out of Jacobi fields; derived: eigenvalues converge twice as fast, and only
 # their signs are asked for.
 TRACE_RESOLUTION = 1e-5
-# Times tol, amplitude times arclength of branches that miss each other, hyperbolas, and are taken for
-# ones that cross. Measured: ones that do have up to .35, and imperfections of an end 2.2 times their
-# size.
+# Times tol, amplitude times arclength of branches that miss each other, hyperbolas, and are taken
+# for ones that cross. Measured: ones that do have up to .35, and imperfections of an end 2.2 times
+# their size.
 BRANCH_GAP = 3.0
 # Points in a row at which only the signs on the path's own mesh are counted, as long as they stay
 # what they were where the mesh was found to resolve the neighbours of a path, too. Ad hoc.
