@@ -12,6 +12,7 @@ from actionopt.tools.blas import (
     by_each,
     check_definite,
     cholesky,
+    count_negative,
     invert_each,
     lu,
     one_thread,
@@ -135,3 +136,12 @@ def test_stacks_of_matrices_are_solved_as_numpy_does_or_are_singular():
             singular()
     with pytest.raises(np.linalg.LinAlgError):
         check_definite(np.array([np.eye(2), np.diag([1.0, -1.0])]))
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 30])
+def test_negative_eigenvalues_are_counted_without_them(n):
+    random = np.random.default_rng(n)
+    for shift in (-9.0, -1.0, 0.0, 1.0, 9.0):
+        half = random.normal(size=(n, n))
+        for matrix in (half + half.T + shift * np.eye(n), np.eye(n)[::-1], -half @ half.T):
+            assert count_negative(matrix) == np.sum(np.linalg.eigvalsh(matrix) < 0)

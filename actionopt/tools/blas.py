@@ -175,6 +175,26 @@ def lu(matrix: Array) -> Callable[[Array], Array]:
     return solve
 
 
+def count_negative(matrix: Array) -> int:
+    """Return the number of negative eigenvalues of a symmetric matrix (n, n).
+
+    Those of the blocks that LAPACK's `dsytrf` leaves on the diagonal (J. R. Bunch, L. Kaufman,
+    Mathematics of Computation 31 (1977) 163): it pivots, and each block of two rows has one of
+    either sign. That takes a fifth of the time of all eigenvalues, which serve where it is not at
+    hand.
+    """
+    library = _library()
+    if not len(matrix) or not hasattr(library, "scipy_dsytrf_64_"):
+        return int(np.count_nonzero(np.linalg.eigvalsh(matrix) < 0))
+    assert library is not None
+    factor, pivots = np.array(matrix, dtype=float, order="C"), np.empty(len(matrix), np.int64)
+    n, a, p, work = _constant(len(factor)), _place(factor), _place(pivots), np.empty(factor.size)
+    arguments = n, a, n, p, _place(work), _constant(work.size), _number(0)
+    library.scipy_dsytrf_64_(b"U", *arguments, 1)  # of the rows the lower triangle
+    alone = pivots > 0
+    return int(np.sum(~alone) // 2 + np.sum(factor.diagonal()[alone] < 0))
+
+
 def _number(number: int) -> Any:
     """Return where an integer stands, as LAPACK reads all arguments."""
     return ctypes.byref(ctypes.c_int64(number))

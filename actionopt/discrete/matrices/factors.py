@@ -27,17 +27,18 @@ from actionopt.discrete.matrices.layout import (
     border_matrix,
 )
 from actionopt.discrete.matrices.matrices import Matrices, read
-from actionopt.tools.blas import cholesky, lu
+from actionopt.tools.blas import cholesky, count_negative, lu
 from actionopt.tools.cached import cached_property
 from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
 
-# The first two are where two costs cross, never timed with care. The others are ad hoc: a third
-# of each or three times as much (but `REFINEMENTS`) changes no iteration on any scene.
-# Unknowns and rows from which they take less than a full matrix, if there are to be many. Measured:
-# of one coordinate and 47 unknowns 3 us against 60, of two and 94 7 against 40; the pattern 400.
-SPARSE = 30
+# Ad hoc, where nothing else is said: a third of each or three times as much (but `REFINEMENTS`)
+# changes no iteration on any scene.
+# Unknowns and rows from which they take less than a full matrix, if there are to be many. Measured
+# on one and two coordinates, factors and three solutions: of 47 unknowns 97 us against 57, of 79 88
+# against 94, of 95 94 against 122.
+SPARSE = 80
 PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
 # Nonzeros of L in a row up to which factorizing again, for several right-hand sides at once, takes
 # less than handing L over as an object. Measured: at 16 five take 1.4 and 2.3 ms, at 35 20 and 8.
@@ -647,7 +648,7 @@ class _Edged:
         corner[len(corner) - k :] *= self._spring
         corner[:, len(corner) - k :] *= -1.0
         inner = self._factors or Factors(self._layout, self._held)
-        return inner.negative() + int(np.sum(np.linalg.eigvalsh((corner + corner.T) / 2) < 0))
+        return inner.negative() + count_negative((corner + corner.T) / 2)
 
 
 def _largest(columns: Array) -> NDInt:
@@ -671,7 +672,7 @@ def negative_signs(matrix: Array) -> int:
     Raises TimeUp if the time that is given will be over before.
     """
     check_time(EIGENVALUE_SECONDS * len(matrix) ** 3)
-    return int(np.sum(np.linalg.eigvalsh(matrix) < 0))
+    return count_negative(matrix)
 
 
 def expected_seconds(layout: MatrixLayout) -> float:
