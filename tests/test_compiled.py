@@ -120,6 +120,18 @@ def test_operations_written_out_for_some_times_are_the_same_to_the_last_bit(coun
     assert found.shape == (count, 2)
 
 
+def test_what_is_evaluated_often_is_written_out_with_the_same_bits(monkeypatch):
+    q, v, t = states(50)
+    arguments = q.T, v.T, t[:, None], np.array([[2.0]])
+    monkeypatch.setattr(compiled, "OFTEN", 99)
+    function = new().pointwise("first")
+    first = [x.copy() for x in function(*arguments)]
+    assert "_part" not in vars(function)
+    for part, before in zip(function(*arguments), first, strict=True):  # the hundredth evaluation
+        same_bits(part, before, because="the operations are the same")
+    assert "_part" in vars(function)
+
+
 def test_long_lists_of_operations_are_not_made_longer():
     x = ca.SX.sym("x")
     y = x
