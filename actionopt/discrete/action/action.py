@@ -234,7 +234,7 @@ class Action:
         other.problem, other.mesh = problem, before.moved(start, end)
         factor = other.mesh.duration / before.duration
         other._point, other._kept = None, {}
-        for name in ("between_nodes", "row_times"):  # if they were made
+        for name in ("between_nodes", "row_times", "probe_momentum"):  # if they were made
             other.__dict__.pop(name, None)
         other.times = start + (self.times - before.boundaries[0]) * factor
         other.halves = [half * factor for half in self.halves]
@@ -533,7 +533,7 @@ class Action:
     def state(self, places: Array) -> tuple[Array, Array]:
         """Return what L takes at the evaluations, `at` and `v`, of places (K, width)."""
         if self.order == 1:
-            at = places[self.layout.node_of]
+            at = places.take(self.layout.node_of, 0)
             v, (ends, beside) = self.velocities(at), self.layout.unseen
             if ends.size:  # what is there counts for nothing, but is to be finite
                 at[ends], v[ends] = at[beside], v[beside]

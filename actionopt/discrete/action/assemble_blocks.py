@@ -274,7 +274,7 @@ def _full(tr: Action, function: str, output: int, values: Array) -> Array | None
         unit = there * (tr.lengths[:, None] * tr.lengths / tr.action_unit)
         tr.unfolded[key] = index.ravel(), unit.ravel()
     index, unit = tr.unfolded[key]
-    return (values[:, index] * unit).reshape(-1, n, n)
+    return (values.take(index, 1) * unit).reshape(-1, n, n)
 
 
 def _constraints(tr: Action, z: Array) -> Array:

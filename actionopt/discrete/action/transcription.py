@@ -72,6 +72,20 @@ class Transcription(Action):
         return self.at_unknowns(self.add_work(np.zeros_like(p), p))
 
     @cached_property
+    def probe(self) -> Array:
+        """The variation (unknowns,) that inverse iteration begins with.
+
+        As large in each coordinate, measured by the momentum: what hardly moves along the path has
+        short units, and would have no part in it beside what is solved for.
+        """
+        return self.layout.probe[: self.layout.unknowns] * self.kinetic_unit
+
+    @cached_property
+    def probe_momentum(self) -> Array:
+        """Its `momentum`."""
+        return self.momentum(self.probe)
+
+    @cached_property
     def kinetic_unit(self) -> Array:
         """The sizes of unknowns of the same inertia, (unknowns,), one for the least of them."""
         if self.problem.system.n == 1:

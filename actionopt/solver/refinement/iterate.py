@@ -184,7 +184,7 @@ class Iterate(DiscretePath):
         residual, carried = unseen(self, tol / self.unit)
         with np.errstate(all="ignore"):
             if self.can_be_one_of_many and here.factors.pairs:
-                step, probed = here.factors.solve_both(residual, here.momentum(here.probe))
+                step, probed = here.factors.solve_both(residual, here.probe_momentum)
                 here = here.with_values(probed=probed)
             else:
                 step = here.factors.solve(residual)
@@ -202,7 +202,7 @@ class Iterate(DiscretePath):
             return self
         here = self.with_factors(many)
         assert here.factors is not None
-        return here.with_values(probed=here.factors.solve(here.momentum(here.probe)))
+        return here.with_values(probed=here.factors.solve(here.probe_momentum))
 
     @property
     def growth(self) -> float:
@@ -229,15 +229,6 @@ class Iterate(DiscretePath):
             return np.inf, self
         return max(1.0, here.growth), here
 
-    @property
-    def probe(self) -> Array:
-        """The variation (unknowns,) that inverse iteration begins with.
-
-        As large in each coordinate, measured by the momentum: what hardly moves along the path has
-        short units, and would have no part in it beside what is solved for.
-        """
-        return self.tr.layout.probe[: self.tr.layout.unknowns] * self.tr.kinetic_unit
-
     def with_larger_noise(self) -> Self:
         """Return the iterate with the larger noise of two samples: one may be small by chance.
 
@@ -251,8 +242,9 @@ class Iterate(DiscretePath):
         )
         return here.with_error(here.gain, max(here.noise, noise))
 
-    def momentum(self, x: Array) -> Array:
-        """Return the momentum (size,) of a variation (unknowns,), as `equations` have it.
+    @property
+    def probe_momentum(self) -> Array:
+        """The momentum (size,) of the `probe` of inverse iteration, as `equations` have it.
 
         Where a constant is a variation, with what is as large for one, which has no rates: the path
         may be a rest, and one of a family of them.
@@ -260,7 +252,8 @@ class Iterate(DiscretePath):
         from actionopt.discrete.borders.borders import shares
 
         tr, found = self.tr, np.zeros(self.equations.layout.size)
-        found[: x.size] = tr.momentum(x)
+        x = tr.probe
+        found[: x.size] = tr.probe_momentum
         if max(len(event.pinned) for event in self.problem.joints) < self.problem.system.n:
             mass = diagonal(self.problem.system, 2, tr.inertia[None])[0]
             unit = tr.x_unit**2 / (tr.action_unit * tr.mesh.duration ** (2 * tr.order - 1))
