@@ -74,6 +74,13 @@ def spent(problem, **options):
     return ways
 
 
+@pytest.fixture
+def to_the_end(monkeypatch):
+    """Let a search go on where it is seen that no motion comes to the end."""
+    monkeypatch.setattr("actionopt.solver.kinds.between.is_out_of_reach", lambda *_: False)
+
+
+@pytest.mark.usefixtures("to_the_end")
 def test_a_search_ends_when_it_has_cost_its_price(monkeypatch):
     monkeypatch.setattr("actionopt.solver.search.search.BUDGET", 500)
     limited = spent(bratu())
@@ -82,6 +89,7 @@ def test_a_search_ends_when_it_has_cost_its_price(monkeypatch):
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("to_the_end")
 def test_a_search_that_is_given_time_may_cost_more(monkeypatch):
     monkeypatch.setattr("actionopt.solver.search.search.BUDGET", 500)
     timed = spent(bratu(), seconds=1e3)
@@ -90,6 +98,7 @@ def test_a_search_that_is_given_time_may_cost_more(monkeypatch):
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("to_the_end")
 def test_ways_that_time_does_not_allow_for_come_last(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("actionopt.tools.watch.perf_counter", lambda: now[0])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING, Literal
 
@@ -30,8 +31,9 @@ from actionopt.solver.refinement.refine import settle_on
 from actionopt.solver.refinement.signals import SIGNALS, status_of
 from actionopt.solver.refinement.verdict import message_of, solution_of
 from actionopt.solver.refinement.workspace import Workspace
+from actionopt.solver.search.out_of_reach import is_out_of_reach
 from actionopt.solver.search.search import CURVED_STRATEGIES, Search, Strategy
-from actionopt.solver.search.strategies import IPOPT, QUICK, STRATEGIES
+from actionopt.solver.search.strategies import IPOPT, QUICK, STRATEGIES, plain
 from actionopt.tools.checks import COARSEST
 from actionopt.tools.immutable import immutable
 from actionopt.tools.watch import OutOfTime, Watch
@@ -42,6 +44,8 @@ if TYPE_CHECKING:
 Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict with its figures
 # strategies tried where the first path crosses a jump: seconds are lost there; ad hoc
 BEFORE_A_JUMP = 3
+MOST_SEEN = 2  # coordinates of which all motions from the start are seen
+MISSED = "no motion from the start, slow or fast, comes to the end event at its time"
 
 
 @immutable
@@ -151,7 +155,10 @@ def _find_smooth(
     ws, problem = search.ws, search.ws.problem
     steps, jump = problem.system.switches, None
     joins = problem.advance is None and bool(problem.start.pinned and problem.end.pinned)
-    if steps is None and problem.system.structure.jumpless:
+    may_jump = not (steps is None and problem.system.structure.jumpless)
+    if steps is None and search.strategies is not IPOPT and plain(problem):
+        search.rule_out = partial(_rule_out, search)
+    if not may_jump:
         return _search(search, guess, curve_of)
     from actionopt.discrete.between_nodes.crossing import find_imbalance, first_crossing
 
@@ -160,17 +167,17 @@ def _find_smooth(
         found = (find_imbalance(at, search.ws.tol)[0] for at in paths if at is not None)
         return next((off for off in found if off is not None and off.is_jump is True), None)
 
-    def is_shut() -> bool:
-        """Whether the straight line crosses a jump: then so does every path of one coordinate."""
+    def rule_out() -> Status | None:
+        """Return whether the straight line crosses a jump: then so does each path of one x."""
         nonlocal jump
         jump = find_jump(_first(problem, None))
-        return jump is not None
+        return _rule_out(search) if jump is None else Status.JUMP
 
     if steps is not None:
         first = _first(problem, curve_of)
         jump = first_crossing(steps, problem, first.path)
     elif joins and problem.system.n == 1 and not problem.system.structure.depends_on_time:
-        search.is_shut = is_shut
+        search.rule_out = rule_out
     if jump is not None and jump.inevitable:
         ws.transcribe(first.mesh, first.path)
         search.found_by = "none"
@@ -190,6 +197,15 @@ def _find_smooth(
     ws = search.ws
     ws.hint, ws.here = str(jump), replace(ws.here, error=np.inf)
     return Status.JUMP
+
+
+def _rule_out(search: Search) -> Status | None:
+    """Return the verdict where no motion from the start comes to the end."""
+    problem = search.ws.problem
+    if problem.system.n > MOST_SEEN or not is_out_of_reach(problem, search.ws.watch):
+        return None
+    search.ws.hint, search.found_by = MISSED, "none"
+    return Status.NOT_FOUND
 
 
 def _first(problem: Problem, curve_of: Callable[[Mesh], Path] | None) -> DiscretePath:

@@ -230,6 +230,7 @@ def follow_outwards(problem: Problem, guess: Guess | None, choices: Choices, fou
     unsettled = solution.status is Status.UNRESOLVED  # as a path round a sharp turn may be
     unsettled &= problem.system.F is not None or choices.principle == "least"
     lost = unsettled or solution.status is Status.NOT_FOUND
+    lost &= solution.stats["rung"] != "none"  # there is none
     if not (plain and lost and choices.principle != "stationary" and _extends(problem)):
         return found
     with suppress(OutOfTime, ValueError):

@@ -134,8 +134,8 @@ class Search:
     lines: dict[tuple[int, int], Iterate] = field(default_factory=dict)
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
     budget: float = math.inf  # elements evaluated after which nothing expensive is tried
-    # Whether every path crosses a jump of L; asked once, before what is expensive.
-    is_shut: Callable[[], bool] | None = None
+    # The verdict where it is plain that there is no path; asked once, before what is expensive.
+    rule_out: Callable[[], Status | None] | None = None
     tried: list[str] = field(default_factory=list)
 
     # -- without a guess -----------------------------------------------------------------------
@@ -216,9 +216,11 @@ class Search:
                     continue
                 left.remove(strategy)
                 if strategy.cost >= EXPENSIVE:
-                    is_shut, self.is_shut = self.is_shut, None
-                    if is_shut is not None and is_shut():
-                        return Status.JUMP
+                    rule_out, self.rule_out = self.rule_out, None
+                    shut = None if rule_out is None else rule_out()
+                    if shut is not None:
+                        self.straight = True  # from a curved line there is none either
+                        return shut
                     self._limit(strategy.cost)
                 self.begin(strategy.name, strategy.minimises)
                 status = strategy.attempt(self)
