@@ -51,10 +51,10 @@ KINDS = {"plain": {}, "sphere": {"constraint": sphere}, "drag": {"force": drag}}
 # with factors that are kept.
 STORED = {
     "small": (2, None),
-    "blocks": (15, None),
+    "blocks": (12, None),
     "reduced": (41, None),
     "reduced twice": (80, None),
-    "in parts": (15, None),
+    "in parts": (12, None),
     "sparse": (12, 0),
     "kept": (12, 0),
 }
@@ -121,7 +121,7 @@ def test_solutions_are_those_of_a_dense_solver(kind, stored):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("elements", [1, 2, 3, 12, 41, 80])
 def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
-    monkeypatch.setattr("actionopt.discrete.matrices.layout.SMALL_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.FULL_SIZE", 0)
     layout, nonzeros, dense = matrix_of(kind, ("blocks", elements))
     right = np.random.default_rng(3).normal(size=layout.size)
     found = Condensed(layout.blocks, nonzeros).solve(right)
@@ -314,7 +314,7 @@ def matrix_with(monkeypatch, shape, kind, lengths=(0.7, 1.3, 2.0), border=(), el
 @pytest.fixture
 def in_blocks(monkeypatch):
     """Store all matrices in blocks that may be, and make none of them full."""
-    for name, value in (("layout.FILLED", 1.0), ("layout.SLIM", 0), ("layout.SMALL_SIZE", 0)):
+    for name, value in (("layout.FILLED", 1.0), ("layout.SLIM", 0), ("layout.FULL_SIZE", 0)):
         monkeypatch.setattr(f"actionopt.discrete.matrices.{name}", value)
     monkeypatch.setattr("actionopt.discrete.matrices.blocks.PLACES_AT_ONCE", 4)
     monkeypatch.setattr("actionopt.discrete.matrices.blocks.FULL_SIZE", 12)

@@ -77,7 +77,7 @@ def spent(problem, **options):
 @pytest.fixture
 def to_the_end(monkeypatch):
     """Let a search go on where it is seen that no motion comes to the end."""
-    monkeypatch.setattr("actionopt.solver.kinds.between.is_out_of_reach", lambda *_: False)
+    monkeypatch.setattr("actionopt.solver.search.out_of_reach.is_out_of_reach", lambda *_: False)
 
 
 @pytest.mark.usefixtures("to_the_end")

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from actionopt.discrete.matrices.blocks import Blocks, is_large
+from actionopt.discrete.matrices.blocks import FULL_SIZE, Blocks, is_large
 from actionopt.discrete.meshes.boundaries import find_boundaries
 from actionopt.discrete.meshes.element import Element, element
 from actionopt.discrete.meshes.mesh import KEPT_NODES, SHAPES_KEPT, Elements, Mesh
@@ -59,7 +59,7 @@ class MatrixLayout:
     @cached_property
     def small(self) -> bool:
         """Whether the blocks are best put together in one full matrix to solve with."""
-        return self.storage == "blocks" and self.size <= SMALL_SIZE
+        return self.storage == "blocks" and self.size <= FULL_SIZE
 
     @cached_property
     def uses_condensation(self) -> bool:
@@ -512,10 +512,6 @@ class _Solvers(threading.local):
 BLOCK_SIZE, FILLED = 60, 0.2
 # Share of the places of a node that couple it to others, below which they alone are kept; ad hoc.
 FEW_ACROSS = 0.1
-# Unknowns and rows up to which one full matrix takes less time than blocks. Measured, factors and
-# three solutions: of 126 of two coordinates .23 ms against .93, of 158 .29 against .63, of 254 .9
-# against 1.1; of 127 of one .19 against .5, of 159 .53 against .51.
-SMALL_SIZE = 160
 # Coordinates and constraints up to which sparse factors take less time than blocks, if there are to
 # be many, or rows that are not in force, or the path closes. Measured: a driven oscillator of two
 # and contact in two coordinates take 12 % more in blocks, of five as much, of twelve 0.4 to 0.9.

@@ -31,7 +31,6 @@ from actionopt.solver.refinement.refine import settle_on
 from actionopt.solver.refinement.signals import SIGNALS, status_of
 from actionopt.solver.refinement.verdict import message_of, solution_of
 from actionopt.solver.refinement.workspace import Workspace
-from actionopt.solver.search.out_of_reach import is_out_of_reach
 from actionopt.solver.search.search import CURVED_STRATEGIES, Search, Strategy
 from actionopt.solver.search.strategies import IPOPT, QUICK, STRATEGIES, plain
 from actionopt.tools.checks import COARSEST
@@ -45,7 +44,7 @@ Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict wit
 # strategies tried where the first path crosses a jump: seconds are lost there; ad hoc
 BEFORE_A_JUMP = 3
 MOST_SEEN = 2  # coordinates of which all motions from the start are seen
-MISSED = "no motion from the start, slow or fast, comes to the end event at its time"
+OUT_OF_REACH = "no motion from the start, slow or fast, comes to the end event at its time"
 
 
 @immutable
@@ -202,9 +201,13 @@ def _find_smooth(
 def _rule_out(search: Search) -> Status | None:
     """Return the verdict where no motion from the start comes to the end."""
     problem = search.ws.problem
-    if problem.system.n > MOST_SEEN or not is_out_of_reach(problem, search.ws.watch):
+    if problem.system.n > MOST_SEEN:
         return None
-    search.ws.hint, search.found_by = MISSED, "none"
+    from actionopt.solver.search.out_of_reach import is_out_of_reach
+
+    if not is_out_of_reach(problem, search.ws.watch):
+        return None
+    search.ws.hint, search.found_by = OUT_OF_REACH, "none"
     return Status.NOT_FOUND
 
 

@@ -194,7 +194,9 @@ class HomotopyCurve:
                 size = float(np.max(np.abs(step[:cut])))
                 if not np.isfinite(size) or size > 2 * last:
                     return None
-                z, s, last = z + step, s + float(change), size
-                if size < CORRECTOR_TOL:
-                    return z, s, slope, k
+                z, s, before, last = z + step, s + float(change), last, size
+                # The next one is of its square, and counts though it is not taken.
+                spare = k > 1 and size * (size / before) ** 2 < CORRECTOR_TOL
+                if spare or size < CORRECTOR_TOL:
+                    return z, s, slope, k + (size >= CORRECTOR_TOL)
         return None

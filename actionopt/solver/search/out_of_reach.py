@@ -21,9 +21,9 @@ from actionopt.tools.watch import Watch
 # The net: directions round the plane, speeds up to the fastest that `shooting.velocities` takes,
 # in its even and in its geometric part, and beyond. Measured on 1,800 random questions of which a
 # motion is known: none is ruled out.
-DIRECTIONS, SPEEDS, FASTEST, BEYOND = 24, 12, 2.5, (2.0, 4.0, 8.0)
-STEPS = 150  # of a motion; those that do not end in as many are lost
-RUN_AWAY = 1e3  # sizes from the end where a lost motion does not come back
+DIRECTIONS, NET_SPEEDS, NET_FASTEST, NET_BEYOND = 24, 12, 2.5, (2.0, 4.0, 8.0)
+NET_STEPS = 150  # of a motion; those that do not end in as many are lost
+LOST_FAR = 1e3  # sizes from the end where a lost motion does not come back
 MOST_LOST = 1 / 16  # of the motions
 AIMED = 3  # motions that are aimed at the end
 ENERGY_KEPT = 1e-2  # of what it is made of
@@ -46,12 +46,14 @@ def is_out_of_reach(problem: Problem, watch: Watch | None) -> bool:
     q0 = np.repeat(start, count, axis=1)
     given = np.full(count, t0), q0[:, None], v[:, None]
     span = np.full(count, problem.duration)
-    q, w = (x[:, 0] for x in integrate(problem, given, span, steps=STEPS, track=track, watch=look))
+    q, w = (
+        x[:, 0] for x in integrate(problem, given, span, steps=NET_STEPS, track=track, watch=look)
+    )
     ended = np.isfinite(q).all(axis=0)
     lost, at = ~ended, q
     if track:  # on a line, what runs away passes by nothing
         at = np.where(lost, track[-1][1], q)
-        lost &= ~(np.abs(at[0] - end[0]) > RUN_AWAY * unit[0])
+        lost &= ~(np.abs(at[0] - end[0]) > LOST_FAR * unit[0])
     with np.errstate(all="ignore"):
         miss = (at - end) / unit
         far = np.linalg.norm(miss, axis=0)
@@ -79,10 +81,10 @@ def is_out_of_reach(problem: Problem, watch: Watch | None) -> bool:
 def _net(problem: Problem, far: Array) -> tuple[Array, NDInt]:
     """Return initial velocities (n, K), and which of them are neighbours (S, n + 1)."""
     scales, units = speeds(problem, far[:, 0])
-    fastest = FASTEST * np.max(scales)
-    even, beyond = np.linspace(0, fastest, SPEEDS + 1)[1:], fastest * np.array(BEYOND)
+    fastest = NET_FASTEST * np.max(scales)
+    even, beyond = np.linspace(0, fastest, NET_SPEEDS + 1)[1:], fastest * np.array(NET_BEYOND)
     if len(far) == 1:
-        slow = np.geomspace(np.min(scales) / 4, fastest, SPEEDS)
+        slow = np.geomspace(np.min(scales) / 4, fastest, NET_SPEEDS)
         speed = np.unique(np.concatenate([slow, even, beyond]))
         each = np.arange(2 * speed.size)
         line = np.concatenate([-speed[::-1], [0.0], speed])[None]
@@ -118,8 +120,8 @@ def _bends(miss: Array) -> Array:
     even = miss[:, 1:].reshape(2, -1, DIRECTIONS)
     round_it = (np.roll(even, 1, axis=2) + np.roll(even, -1, axis=2)) / 2 - even
     found = np.linalg.norm(round_it, axis=0)
-    along = (even[:, 2:SPEEDS] + even[:, : SPEEDS - 2]) / 2 - even[:, 1 : SPEEDS - 1]
-    found[1 : SPEEDS - 1] = np.fmax(found[1 : SPEEDS - 1], np.linalg.norm(along, axis=0))
+    along = (even[:, 2:NET_SPEEDS] + even[:, : NET_SPEEDS - 2]) / 2 - even[:, 1 : NET_SPEEDS - 1]
+    found[1 : NET_SPEEDS - 1] = np.fmax(found[1 : NET_SPEEDS - 1], np.linalg.norm(along, axis=0))
     bend[1:] = found.ravel()
     return np.where(np.isfinite(bend), bend, 0.0)
 
