@@ -444,17 +444,20 @@ class Sparse:
 
     CasADi's linear solvers factorize anew for every call; that costs less than handing matrices
     over as objects, by an order of magnitude where they are small. `count` right-hand sides are
-    solved for at once.
+    solved for at once. One that is `alike` but for their number has analysed the pattern.
     """
 
-    def __init__(self, pattern: Pattern, kind: str, count: int = 1) -> None:
+    def __init__(
+        self, pattern: Pattern, kind: str, count: int = 1, alike: Sparse | None = None
+    ) -> None:
         size = pattern.shape[0]
         values, right = ca.MX.sym("values", pattern.nnz), ca.MX.sym("right", size, count)
-        self.analysed = ca.Linsol(kind, kind, pattern.sparsity)
+        self.analysed = alike.analysed if alike else ca.Linsol(kind, kind, pattern.sparsity)
         solved = self.analysed.solve(ca.MX(pattern.sparsity, values), right)
         self._function = ca.Function(kind, [values, right], [solved])
         shape = (size,) if count == 1 else (count, size)
-        self._values, self._right = np.empty(pattern.nnz), np.empty(shape)
+        self._values = alike._values if alike else np.empty(pattern.nnz)
+        self._right = np.empty(shape)
         self._solved = np.empty(shape)
         self._buffer, self._trigger = self._function.buffer()
         self._buffer.set_arg(0, memoryview(self._values))  # type: ignore
@@ -745,7 +748,9 @@ def _solver(layout: MatrixLayout, kind: str, count: int = 1) -> Sparse:
     """Return the layout's sparse solver, analysed once for its sparsity."""
     key = kind if count == 1 else f"{kind} {count}"
     if key not in layout.solvers:
-        layout.solvers[key] = Sparse(layout.kkt, kind, count)
+        first = layout.solvers.get(f"first {kind}")
+        layout.solvers[key] = Sparse(layout.kkt, kind, count, first)
+        layout.solvers.setdefault(f"first {kind}", layout.solvers[key])
     return layout.solvers[key]
 
 
