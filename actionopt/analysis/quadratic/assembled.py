@@ -281,6 +281,12 @@ class Coupling:
         """The transposed matrix."""
         return Coupling(self.cols, self.rows, self.values)
 
+    def part(self, number: NDInt, units: Array | None = None) -> Coupling:
+        """Return the rows that have a number, times their `units`; others have -1."""
+        own = np.flatnonzero(number[self.rows] >= 0)
+        rows, values = number[self.rows[own]], self.values[own]
+        return Coupling(rows, self.cols[own], values if units is None else values * units[rows])
+
     @cached_property
     def _by_row(self) -> tuple[Coupling, NDInt]:
         """The same, row by row, and where each row begins."""
@@ -372,10 +378,11 @@ def _polish(form: AssembledForm) -> DiscretePath:
 
 
 def some_columns(count: int, size: int) -> Iterator[slice]:
-    """Yield columns of so many rows, some at once."""
-    few = max(SOLVED_AT_ONCE // size, FEWEST_SOLVED)
-    for first in range(0, count, few):
-        yield slice(first, first + few)
+    """Yield columns of so many rows, as many at once; of the last ones there may be fewer."""
+    parts = -(-count // max(SOLVED_AT_ONCE // size, FEWEST_SOLVED))
+    few = -(-count // max(parts, 1))
+    for k in range(parts):
+        yield slice(few * k, few * (k + 1))
 
 
 def _gershgorin(parts: list[tuple[tuple[NDInt, NDInt], Array]], units: Array) -> float:

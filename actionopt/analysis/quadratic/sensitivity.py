@@ -289,22 +289,22 @@ def _second_alone(at: DiscretePath, error: float) -> tuple[Array, Array, Array]:
 def _second_assembled(form: AssembledForm) -> tuple[Array, Array, Array] | None:
     """Return the second derivatives, what is between the ends eliminated; None if that fails."""
     at, tr, problem = form.at, form.at.tr, form.at.problem
-    ends, m = [0, tr.layout.node_count - 1], problem.system.m
-    t = tr.mesh.nodes[ends, None]
-    planes = tangent(problem, at.Q[ends], t, tr.lengths) * tr.lengths[:, None]
-    given = problem.start.pinned, problem.end.pinned
-    allowed = (plane if m else plane[:, list(k)] for plane, k in zip(planes, given, strict=True))
-    first, last = moved = [np.linalg.qr(plane)[0] for plane in allowed]
+    if problem.system.m:
+        ends = [0, tr.layout.node_count - 1]
+        planes = tangent(problem, at.Q[ends], tr.mesh.nodes[ends, None], tr.lengths)
+        first, last = moved = [np.linalg.qr(x * tr.lengths[:, None])[0] for x in planes]
+    else:
+        given = problem.start.pinned, problem.end.pinned
+        first, last = moved = [np.eye(problem.system.n)[:, list(k)] for k in given]
     hessian = _by_groups(form, moved)
     hessian = _along(form, moved, moved) if hessian is None else hessian
     if hessian is None:
         return None
     cut = first.shape[1]
-    return (
-        first @ hessian[:cut, :cut] @ first.T,
-        first @ hessian[:cut, cut:] @ last.T,
-        last @ hessian[cut:, cut:] @ last.T,
-    )
+    own, across, other = hessian[:cut, :cut], hessian[:cut, cut:], hessian[cut:, cut:]
+    if not problem.system.m and first.shape == last.shape:  # the coordinates themselves
+        return own, across, other
+    return first @ own @ first.T, first @ across @ last.T, last @ other @ last.T
 
 
 def _by_groups(form: AssembledForm, moved: list[Array]) -> Array | None:
@@ -320,7 +320,7 @@ def _by_groups(form: AssembledForm, moved: list[Array]) -> Array | None:
         return None
 
     def ask(columns: Array) -> Array | None:
-        found = _along(form, [plane @ columns for plane in moved], moved)
+        found = _along(form, [columns, columns], moved)
         return None if found is None else found.reshape(2, n, 2, -1)
 
     middle = n // 2
@@ -333,13 +333,17 @@ def _by_groups(form: AssembledForm, moved: list[Array]) -> Array | None:
     apart = 2 * reach + 1
     if n < FEWER * apart or (found := ask(np.eye(apart)[place % apart])) is None:
         return None
-    found, away = found[..., place % apart], np.abs(place[:, None] - place)[:, None]
-    size = np.abs(found) * units[:, None, None] * units
+    row, away = (x.ravel() for x in np.meshgrid(place, np.arange(-reach, reach + 1)))
+    near = (row + away >= 0) & (row + away < n)
+    row, col, away = row[near], (row + away)[near], np.abs(away[near])
+    values = found[:, row, :, col % apart]  # (near, 2, 2)
+    size = np.abs(values).max(axis=(1, 2)) * units[row] * units[col]
     # What is felt at the edges of what counts as near is felt beyond, too.
-    edges = (away > reach - width) & (away <= reach)
-    if not (size * edges).max() <= FELT * size.max():
+    if not size[away > reach - width].max() <= FELT * size.max():
         return None
-    return (found * (away <= reach)).reshape(2 * n, 2 * n)
+    hessian = np.zeros((2, n, 2, n))
+    hessian[:, row, :, col] = values
+    return hessian.reshape(2 * n, 2 * n)
 
 
 def _along(form: AssembledForm, moved: list[Array], by: list[Array]) -> Array | None:
@@ -347,34 +351,36 @@ def _along(form: AssembledForm, moved: list[Array], by: list[Array]) -> Array | 
 
     None where what is between the ends is singular.
     """
-    at, tr, layout = form.at, form.at.tr, form.at.tr.layout
-    ends, unknowns = [0, layout.node_count - 1], layout.unknowns
-    units = (tr.x_unit / tr.action_unit)[:, None]
-    couplings, parts, missed = form.couplings, [], []
+    tr, layout, n = form.at.tr, form.at.tr.layout, form.units.size
+    unknowns, missed, parts = layout.unknowns, [], []
+    edges = np.full(layout.node_count * n, -1)
+    edges[:n], edges[-n:] = np.arange(2 * n).reshape(2, n)
+    inside = [x.part(layout.number.ravel(), tr.x_unit / tr.action_unit) for x in form.couplings]
     for k, plane in enumerate(moved):
+        beside = form.couplings[k].part(edges)
         for some in some_columns(plane.shape[1], layout.size):
-            forces = couplings[k].times(plane[:, some], at.Q.size)
-            loads = np.zeros((layout.size, forces.shape[1]))
-            loads[:unknowns] = forces[layout.free] * units
+            move = plane[:, some]
+            # All as wide as the first, for a solver of as many columns, and these in its order.
+            loads = np.zeros((some.stop - some.start, layout.size)).T
+            loads[:unknowns, : move.shape[1]] = inside[k].times(move, unknowns)
             try:
-                between = form.factors.solve(loads)
+                between = form.factors.solve(loads)[:, : move.shape[1]]
             except np.linalg.LinAlgError:  # conjugate
                 return None
             if not np.isfinite(between).all():
                 return None
-            follow = np.zeros_like(forces)
-            follow[layout.free] = between[:unknowns] * units
-            by_ends = forces.reshape(*at.Q.shape, -1)[ends]
-            for change, coupling in zip(by_ends, couplings, strict=True):
-                change -= tr.action_unit * coupling.transpose.times(follow, len(change))
+            by_ends = beside.times(move, 2 * n).reshape(2, n, -1)
+            for change, coupling in zip(by_ends, inside, strict=True):
+                change -= tr.action_unit * coupling.transpose.times(between[:unknowns], n)
             if layout.rows:
-                left = [product(layout, form.matrix, column) for column in between.T]
-                missed.append((between, loads - np.stack(left, axis=1)))
+                for left, column in zip(loads.T, between.T, strict=False):
+                    left -= product(layout, form.matrix, column)
+                missed.append((between, loads[:, : move.shape[1]]))
             parts.append(np.concatenate([p.T @ x for p, x in zip(by, by_ends, strict=True)]))
     hessian = np.concatenate(parts, axis=1)
     if missed:  # the factors are off by 1e-10, and this by the square of it
-        between, left = (np.concatenate(x, axis=1) for x in zip(*missed, strict=True))
-        hessian -= tr.action_unit * between.T @ left
+        between, left = zip(*missed, strict=True)
+        hessian -= tr.action_unit * np.block([[x.T @ y for y in left] for x in between])
     return hessian
 
 

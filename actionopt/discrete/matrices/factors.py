@@ -455,14 +455,14 @@ class Sparse:
         self.analysed = alike.analysed if alike else ca.Linsol(kind, kind, pattern.sparsity)
         solved = self.analysed.solve(ca.MX(pattern.sparsity, values), right)
         self._function = ca.Function(kind, [values, right], [solved])
-        shape = (size,) if count == 1 else (count, size)
         self._values = alike._values if alike else np.empty(pattern.nnz)
-        self._right = np.empty(shape)
-        self._solved = np.empty(shape)
         self._buffer, self._trigger = self._function.buffer()
         self._buffer.set_arg(0, memoryview(self._values))  # type: ignore
-        self._buffer.set_arg(1, memoryview(self._right))  # type: ignore
-        self._buffer.set_res(0, memoryview(self._solved))  # type: ignore
+        self._right = self._solved = None
+        if count == 1:
+            self._right, self._solved = np.empty((2, size))
+            self._buffer.set_arg(1, memoryview(self._right))  # type: ignore
+            self._buffer.set_res(0, memoryview(self._solved))  # type: ignore
 
     def __call__(self, nonzeros: Array, right: Array) -> Array:
         """Return the solution, (size,) or (count, size), of as many right-hand sides.
@@ -470,13 +470,18 @@ class Sparse:
         Raise numpy.linalg.LinAlgError if the matrix is singular.
         """
         self._values[:] = nonzeros
-        self._right[:] = right
-        self._solved[:] = np.nan  # what a failed factorization leaves behind
+        if self._right is None:  # handed over where they are, which is no copy of many
+            given, solved = np.ascontiguousarray(right), np.empty(right.shape)
+            self._buffer.set_arg(1, memoryview(given))  # type: ignore
+            self._buffer.set_res(0, memoryview(solved))  # type: ignore
+        else:
+            self._right[:], solved = right, self._solved
+        solved[:] = np.nan  # what a failed factorization leaves behind
         try:
             self._trigger()
         except RuntimeError as error:
             raise np.linalg.LinAlgError("the matrix is singular") from error
-        return self._solved.copy()
+        return solved if self._right is None else solved.copy()
 
 
 class SparseFactors:
