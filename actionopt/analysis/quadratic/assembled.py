@@ -43,7 +43,7 @@ FIELDS_TO_COEFFICIENTS = 1e2
 RANDOM_FIELDS = 4  # between random ends of an element: each has a part of all Jacobi fields there
 # Numbers of right-hand sides that are solved for at once, 1 MB, of which a sparse solver holds some
 # copies, and how many at least: they share a factorization. Measured: from 2 to 4 MB flat.
-SOLVED_AT_ONCE, FEWEST_SOLVED = 2**17, 16
+SOLVED_AT_ONCE, FEWEST_SOLVED = 2**16, 16
 BOUND_LEFT = 1e-4  # of the slowest motion: with such a shift values keep twelve digits. Derived
 EVEN_UNITS = 10.0  # how far units of coordinates may be from those of equal inertia
 

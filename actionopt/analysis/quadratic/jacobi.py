@@ -38,6 +38,7 @@ FIELD_ROUNDS = 12  # of refinement: a singularity is found out by then, see `SHO
 HIGHEST_DEGREE = 20  # an element of more is split instead
 LOW_DEGREE = 2  # has no coefficients that could decay
 COEFFICIENT_SAMPLES = 120  # of d2S, at least: it may vary faster than path and fields
+COEFFICIENTS_AT_ONCE = 2**14  # coordinates at samples; of elements that have as many one by one
 COEFFICIENT_NOISE = 1e-13  # of the largest: some hundred eps
 # Newton's method with a border: how far the path may move, in the coordinates' sizes, and still be
 # the one; most steps; the step that ends them; and what may be left of the border's multipliers,
@@ -271,9 +272,11 @@ def coefficients_left_out(at: DiscretePath) -> Array:
         fine = lgl(min(max(2 * g.rule.degree + 2, least), 2 * MAX_DEGREE + 2))
         ends = mesh.since[g.elements], mesh.since[g.elements + 1]
         keys = [(fine.degree, *both) for both in zip(*(x.tolist() for x in ends), strict=True)]
-        if new := [e for e, key in enumerate(keys) if key not in known]:
-            found = _coefficient_sizes(at, g, np.array(new), fine)
-            known.update(zip([keys[e] for e in new], found, strict=True))
+        new = [e for e, key in enumerate(keys) if key not in known]
+        few = max(COEFFICIENTS_AT_ONCE // (fine.nodes.size * at.problem.system.n), 1)
+        for some in (new[k : k + few] for k in range(0, len(new), few)):
+            found = _coefficient_sizes(at, g, np.array(some), fine)
+            known.update(zip([keys[e] for e in some], found, strict=True))
         first = max(g.rule.degree - 1, 0)
         tail[g.elements] = [known[key][first:].max() for key in keys]
     return tail

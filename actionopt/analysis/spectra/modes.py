@@ -406,13 +406,12 @@ def _krylov(
     And whether the values are settled; the subspace grows as long as they soon will be.
     """
     width = block.shape[1]
-    basis, _ = np.linalg.qr(block)
-    images, inner, values, move = basis[:, :0], np.zeros((0, 0)), np.zeros(count), np.inf
+    basis = [np.linalg.qr(block)[0]]
+    inner, values, move = np.zeros((0, 0)), np.zeros(count), np.inf
     settled = False
     while True:
-        new = solve(basis[:, images.shape[1] :])
-        images = np.concatenate([images, new], axis=1)
-        beside = basis.T @ new
+        new = solve(basis[-1])
+        beside = np.concatenate([x.T @ new for x in basis])
         inner = np.block([[inner, beside[: len(inner)]], [beside.T]]) if len(inner) else beside
         inverse, turn = np.linalg.eigh(inner)
         last, values = values, shift + 1 / inverse[: -count - 1 : -1]
@@ -422,9 +421,10 @@ def _krylov(
         late = len(inner) >= FIRST_BLOCKS * width and move * ratio**KRYLOV_BLOCKS > goal
         late = late and _nearer(values) - shift > (values[0] - shift) / 2
         if settled or late or not room:
-            return basis @ turn[:, : -width - 1 : -1], settled
+            parts = np.split(turn[:, : -width - 1 : -1], range(width, len(inner), width))
+            return np.add.reduce([x @ y for x, y in zip(basis, parts, strict=True)]), settled
         settled = move < goal  # once more then, as vectors have half the digits of values
         new = new[:, :room]
-        for _ in range(2):
-            new = new - basis @ (basis.T @ new)
-        basis = np.concatenate([basis, np.linalg.qr(new)[0]], axis=1)
+        for x in 2 * basis:
+            new -= x @ (x.T @ new)
+        basis.append(np.linalg.qr(new)[0])

@@ -450,38 +450,48 @@ class Sparse:
     def __init__(
         self, pattern: Pattern, kind: str, count: int = 1, alike: Sparse | None = None
     ) -> None:
-        size = pattern.shape[0]
-        values, right = ca.MX.sym("values", pattern.nnz), ca.MX.sym("right", size, count)
+        self._pattern, self._kind, self._count = pattern, kind, count
         self.analysed = alike.analysed if alike else ca.Linsol(kind, kind, pattern.sparsity)
-        solved = self.analysed.solve(ca.MX(pattern.sparsity, values), right)
-        self._function = ca.Function(kind, [values, right], [solved])
         self._values = alike._values if alike else np.empty(pattern.nnz)
-        self._buffer, self._trigger = self._function.buffer()
-        self._buffer.set_arg(0, memoryview(self._values))  # type: ignore
-        self._right = self._solved = None
-        if count == 1:
-            self._right, self._solved = np.empty((2, size))
-            self._buffer.set_arg(1, memoryview(self._right))  # type: ignore
-            self._buffer.set_res(0, memoryview(self._solved))  # type: ignore
+
+    @cached_property
+    def _own(self) -> tuple[Any, Any, Array | None, ca.Function]:
+        """The memory of CasADi's function, what evaluates it there, and that of one right-hand side.
+
+        With place for its solution. More of them are handed over where they are.
+        """
+        pattern, size, one = self._pattern, self._pattern.shape[0], None
+        values, right = ca.MX.sym("values", pattern.nnz), ca.MX.sym("right", size, self._count)
+        solved = self.analysed.solve(ca.MX(pattern.sparsity, values), right)
+        function = ca.Function(self._kind, [values, right], [solved])
+        buffer, trigger = function.buffer()
+        buffer.set_arg(0, memoryview(self._values))  # type: ignore
+        if self._count == 1:
+            one = np.empty((2, size))
+            buffer.set_arg(1, memoryview(one[0]))  # type: ignore
+            buffer.set_res(0, memoryview(one[1]))  # type: ignore
+        return buffer, trigger, one, function
 
     def __call__(self, nonzeros: Array, right: Array) -> Array:
         """Return the solution, (size,) or (count, size), of as many right-hand sides.
 
         Raise numpy.linalg.LinAlgError if the matrix is singular.
         """
+        buffer, trigger, one, _ = self._own
         self._values[:] = nonzeros
-        if self._right is None:  # handed over where they are, which is no copy of many
-            given, solved = np.ascontiguousarray(right), np.empty(right.shape)
-            self._buffer.set_arg(1, memoryview(given))  # type: ignore
-            self._buffer.set_res(0, memoryview(solved))  # type: ignore
+        if one is not None:
+            given, solved = one
+            given[:] = right
         else:
-            self._right[:], solved = right, self._solved
+            given, solved = np.ascontiguousarray(right), np.empty(right.shape)
+            buffer.set_arg(1, memoryview(given))
+            buffer.set_res(0, memoryview(solved))
         solved[:] = np.nan  # what a failed factorization leaves behind
         try:
-            self._trigger()
+            trigger()
         except RuntimeError as error:
             raise np.linalg.LinAlgError("the matrix is singular") from error
-        return solved if self._right is None else solved.copy()
+        return solved if one is None else solved.copy()
 
 
 class SparseFactors:
