@@ -17,9 +17,9 @@ from actionopt.analysis.quadratic.jacobi import (
     BORDERED_TOL,
     FIELD_ROUNDS,
     coefficients_left_out,
+    decay,
     propagate,
     refine_where,
-    tails,
 )
 from actionopt.analysis.quadratic.second_variation import (
     check_independent,
@@ -343,7 +343,7 @@ def assemble(
             if form is None:
                 return None
             try:
-                tail = tails(mesh, form.fields())
+                tail = decay(mesh, form.fields())
             except np.linalg.LinAlgError:
                 return None
             if not np.isfinite(tail).all():
@@ -351,8 +351,8 @@ def assemble(
             tail = np.maximum(tail, FIELDS_TO_COEFFICIENTS * coefficients_left_out(at))
             at.left_out[key] = tail
         if polish:
-            tail = np.maximum(tail, tails(mesh, [Q[g.nodes] for g in mesh.groups]))
-        finer = refine_where(mesh, tail, fields)
+            tail = np.maximum(tail, decay(mesh, [Q[g.nodes] for g in mesh.groups]))
+        finer = refine_where(mesh, tail[0], fields, tail[1])
         if finer is None:
             form = form or on_mesh(at, error)
             if form is None or not polish:

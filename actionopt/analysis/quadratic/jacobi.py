@@ -37,6 +37,9 @@ from actionopt.tools.types import Array, NDInt
 FIELD_ROUNDS = 12  # of refinement: a singularity is found out by then, see `SHORTEST`
 HIGHEST_DEGREE = 20  # an element of more is split instead
 LOW_DEGREE = 2  # has no coefficients that could decay
+# Of what a mesh may leave out, what is expected of degrees higher by two: values of d2S, which go
+# with the square, are as good to round-off as with four. Derived
+SURELY = 3e-2
 COEFFICIENT_SAMPLES = 120  # of d2S, at least: it may vary faster than path and fields
 COEFFICIENTS_AT_ONCE = 2**14  # coordinates at samples; of elements that have as many one by one
 COEFFICIENT_NOISE = 1e-13  # of the largest: some hundred eps
@@ -218,7 +221,7 @@ def finer(
             eta = np.einsum("eknr,ekrc->eknc", form.basis[g.nodes], a)
             table = eta.reshape(*g.nodes.shape, -1)
             tables.append(table / np.max(np.abs(table), axis=(1, 2), keepdims=True))
-        tail = np.maximum(tail, np.maximum(tails(mesh, tables), coefficients_left_out(form.at)))
+        tail = np.maximum(tail, np.maximum(tails(mesh, tables), coefficients_left_out(form.at)[0]))
     return refine_where(mesh, tail, tol)
 
 
@@ -227,18 +230,32 @@ def tails(mesh: Mesh, tables: list[Array]) -> Array:
 
     The values are given as tables (E, d + 1, c), at the nodes of the elements of each degree.
     """
-    tail = np.zeros(mesh.elements)
+    return decay(mesh, tables)[0]
+
+
+def decay(mesh: Mesh, tables: list[Array]) -> Array:
+    """Return `tails`, and what they should be of degrees higher by two, (2, N).
+
+    As much less as they are less than those before them.
+    """
+    found = np.zeros((2, mesh.elements))
     for g, table in zip(mesh.groups, tables, strict=True):
-        size = np.abs(g.rule.to_legendre @ table)
+        size = np.abs(g.rule.to_legendre @ table).max(axis=2)
         last = size[:, -2:] if g.rule.degree > LOW_DEGREE else size
-        tail[g.elements] = np.max(last, axis=(1, 2))
-    return tail
+        tail = found[:, g.elements] = last.max(axis=1)
+        if size.shape[1] > 2 * last.shape[1]:
+            before = size[:, -4:-2].max(axis=1)
+            found[1, g.elements] = tail**2 / np.where(before > 0, before, 1.0)
+    return found
 
 
-def refine_where(mesh: Mesh, tail: Array, tol: float) -> Mesh | None:
+def refine_where(
+    mesh: Mesh, tail: Array, tol: float, expected: Array | None = None
+) -> Mesh | None:
     """Return a mesh finer where the coefficients left out, `tail` (N,), are more than `tol`.
 
-    None where none is. Raises ValueError where elements become too short to be split.
+    Only a little where far less is `expected` (N,) to be left out then. None where none is. Raises
+    ValueError where elements become too short to be split.
     """
     if np.max(tail) <= tol:
         return None
@@ -254,18 +271,19 @@ def refine_where(mesh: Mesh, tail: Array, tol: float) -> Mesh | None:
             "runs into a singularity there, such as a collision, or is not smooth, and its "
             "neighbours are not determined"
         )
-    degrees = np.where(coarse & ~split, degrees + 4, degrees)
+    more = 4 if expected is None else np.where(expected <= SURELY * tol, 2, 4)
+    degrees = np.where(coarse & ~split, degrees + more, degrees)
     return mesh.divide(np.where(split, 2, 1), degrees)
 
 
 def coefficients_left_out(at: DiscretePath) -> Array:
-    """Return what each element's degree leaves out of the coefficients of d2S, (N,).
+    """Return what each element's degree leaves out of the coefficients of d2S, (N,), and above it.
 
-    Relative to L_vv, with the element's length as the unit of time. They are sampled between the
+    (2, N): that degree, and one higher by two. Relative to L_vv, with the element's length as the unit of time. They are sampled between the
     nodes: at the nodes alone, what varies faster looks smooth. Once for a curve and an element.
     """
     mesh, known = at.mesh, at.left_out
-    least, tail = -(-COEFFICIENT_SAMPLES // mesh.elements), np.zeros(mesh.elements)
+    least, tail = -(-COEFFICIENT_SAMPLES // mesh.elements), np.zeros((2, mesh.elements))
     for g in mesh.groups:
         if any(g.rule.ends):  # infinite coefficients are no polynomials; the fields tell
             continue
@@ -278,7 +296,7 @@ def coefficients_left_out(at: DiscretePath) -> Array:
             found = _coefficient_sizes(at, g, np.array(some), fine)
             known.update(zip([keys[e] for e in some], found, strict=True))
         first = max(g.rule.degree - 1, 0)
-        tail[g.elements] = [known[key][first:].max() for key in keys]
+        tail[:, g.elements] = [[known[key][k:].max() for key in keys] for k in (first, first + 2)]
     return tail
 
 
