@@ -10,9 +10,10 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis.quadratic import assembled, sensitivity
 from actionopt.analysis.quadratic.assembled import AssembledForm, assemble, is_convex
-from actionopt.analysis.quadratic.jacobi import resolve
+from actionopt.analysis.quadratic.jacobi import decay, refine_where, resolve
 from actionopt.analysis.spectra import modes
 from actionopt.discrete.newton.discrete_path import DiscretePath
+from actionopt.tools.lobatto import lgl
 
 N, T = 30, 2.0
 MODES = np.sin(np.pi * np.outer(np.arange(1, N + 1), np.arange(1, N + 1)) / (N + 1))
@@ -75,6 +76,21 @@ def test_a_mesh_that_is_known_to_be_too_coarse_is_not_tried_again(solution, monk
     monkeypatch.setattr(AssembledForm, "fields", lambda form: pytest.fail("fields again"))
     form = assemble(solution.discrete, solution.error, 1e-4)
     assert form is not None and form.at.mesh is solution.mesh
+
+
+def test_degrees_are_raised_by_two_where_that_surely_is_enough():
+    """Fields that leave out 1e-4 were resolved to 1e-10, and matrices were as much larger."""
+    mesh = ao.Mesh([0.0, 1.0, 2.0, 3.0], [6, 6, 6])
+    t = lgl(6).nodes
+    table = np.stack([np.cos(1.5 * t), np.abs(t), np.exp(t / 50)])[:, :, None]
+    tail, expected = decay(mesh, [table])
+    assert expected[0] < 1e-2 * tail[0] and expected[1] > 1e-2 * tail[1]
+    finer = refine_where(mesh, tail, tail[0] / 10, expected)
+    assert finer is not None and (finer.degrees, finer.elements) == ((8, 6, 6, 6), 4)
+    finer = refine_where(mesh, tail, tail[0] / 10)
+    assert finer is not None and finer.degrees == (10, 6, 6, 6)
+    unsure = refine_where(mesh, tail, tail[0] / 10, tail)
+    assert unsure is not None and unsure.degrees == (10, 6, 6, 6)
 
 
 MASSES = 90

@@ -70,6 +70,18 @@ def test_parts_give_what_the_whole_gives(monkeypatch):
     same_bits(once, repeated, because="each time is evaluated by itself")
 
 
+def test_calls_for_some_times_give_what_one_for_all_gives(monkeypatch):
+    q, v, t = states(23)
+    arguments = q.T, v.T, t[:, None], np.array([[2.0]])
+    whole = [x.copy() for x in new().pointwise("second")(*arguments)]
+    function = new().pointwise("second")
+    monkeypatch.setattr(compiled, "MAPPED", 5 * function._sizes[3])
+    for part, all_at_once in zip(function(*arguments), whole, strict=True):
+        same_bits(part, all_at_once, because="each time is evaluated by itself")
+    *_, mapped = function._memory.ready[23]
+    assert mapped.size_in(0) == (2, 5)  # not 23: its sparsity takes as much memory as the numbers
+
+
 def test_very_many_times_give_what_few_give():
     q, v, t = states(compiled.AT_ONCE // 4)
     arguments = [q.T, v.T, t[:, None]], np.array([[2.0]])

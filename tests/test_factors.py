@@ -499,3 +499,15 @@ def test_the_inertia_of_a_small_matrix_with_a_border(monkeypatch, duration, sign
     monkeypatch.setattr("actionopt.discrete.matrices.factors.negative_signs", signs)
     assert Factors(layout, nonzeros).negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
     assert len(asked[0]) == (3 if definite else len(dense))  # the eigenvalues of the border
+
+
+def test_a_pattern_is_analysed_once_for_any_number_of_right_hand_sides(monkeypatch):
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", 0)
+    layout, nonzeros, dense = matrix_of("plain", ("sparse", 5))
+    right = np.random.default_rng(3).normal(size=(layout.size, 3))
+    kept = SparseFactors(layout, nonzeros)
+    for count in (1, 2, 3):
+        known = np.linalg.solve(dense, right[:, :count])
+        np.testing.assert_allclose(kept.solve(right[:, :count]), known, rtol=1e-9)
+    analysed = {id(x.analysed) for k, x in layout.solvers.items() if k.startswith("ldl")}
+    assert len(analysed) == 1

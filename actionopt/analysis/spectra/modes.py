@@ -422,7 +422,10 @@ def _krylov(
         late = late and _nearer(values) - shift > (values[0] - shift) / 2
         if settled or late or not room:
             parts = np.split(turn[:, : -width - 1 : -1], range(width, len(inner), width))
-            return np.add.reduce([x @ y for x, y in zip(basis, parts, strict=True)]), settled
+            lowest = np.zeros((len(block), width))
+            for x, part in zip(basis, parts, strict=True):
+                lowest += x @ part
+            return lowest, settled
         settled = move < goal  # once more then, as vectors have half the digits of values
         new = new[:, :room]
         for x in 2 * basis:

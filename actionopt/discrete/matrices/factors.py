@@ -43,8 +43,8 @@ PATTERN = 2000  # unknowns and rows up to which finding their pattern takes litt
 # Nonzeros of L in a row up to which factorizing again, for several right-hand sides at once, takes
 # less than handing L over as an object. Measured: at 16 five take 1.4 and 2.3 ms, at 35 20 and 8.
 COLUMN_FACTORS = 24
-# Columns for which what is inside an element is solved at once, others are zeros. Measured, on 960
-# and 1560 unknowns: of 16 one takes .11 and .14 ms, of 4 three times as long, of 64 .09 and .12.
+# Columns for which what is inside an element is solved at once, if there are as many. Measured, on
+# 960 and 1560 unknowns: of 16 one takes .11 and .14 ms, of 4 thrice as long, of 64 .09 and .12.
 INSIDE_AT_ONCE = 16
 LARGE_SIZE = 50_000  # unknowns and rows whose factors take a second or so; ad hoc
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
@@ -456,7 +456,7 @@ class Sparse:
 
     @cached_property
     def _own(self) -> tuple[Any, Any, Array | None, ca.Function]:
-        """The memory of CasADi's function, what evaluates it there, and that of one right-hand side.
+        """The memory of CasADi's function, what evaluates it there, and one right-hand side's.
 
         With place for its solution. More of them are handed over where they are.
         """
@@ -709,15 +709,17 @@ def solve_inside(layout: Layout, nonzeros: Array, right: Array) -> Array:
     if parts is None:
         parts = layout.solvers["inside"] = [_inside(layout, g.elements) for g in layout.groups]
     values, found = _regular(layout, kkt_nonzeros(layout, nonzeros)), np.zeros_like(right)
-    solvers = layout.inside_solvers
+    solvers, few = layout.inside_solvers, min(max(right.shape[1], 2), INSIDE_AT_ONCE)
     for g, (pattern, places, entries) in zip(layout.groups, parts, strict=True):
-        solver = solvers.get(g.rule.degree)
-        if solver is None:
-            solver = solvers[g.rule.degree] = Sparse(pattern, "ldl", INSIDE_AT_ONCE)
-        load = np.zeros((INSIDE_AT_ONCE, pattern.shape[0]))
+        key = g.rule.degree, few
+        if key not in solvers:
+            alike = next((x for k, x in solvers.items() if k[0] == key[0]), None)
+            solvers[key] = Sparse(pattern, "ldl", few, alike)
+        solver = solvers[key]
+        load = np.zeros((few, pattern.shape[0]))
         for at, own in zip(places, entries, strict=True):
-            for first in range(0, right.shape[1], INSIDE_AT_ONCE):
-                some = slice(first, min(first + INSIDE_AT_ONCE, right.shape[1]))
+            for first in range(0, right.shape[1], few):
+                some = slice(first, min(first + few, right.shape[1]))
                 count = some.stop - first
                 load[:count], load[count:] = right[at, some].T, 0.0
                 found[at, some] = solver(values[own], load)[:count].T
@@ -763,8 +765,8 @@ def _solver(layout: MatrixLayout, kind: str, count: int = 1) -> Sparse:
     """Return the layout's sparse solver, analysed once for its sparsity."""
     key = kind if count == 1 else f"{kind} {count}"
     if key not in layout.solvers:
-        first = layout.solvers.get(f"first {kind}")
-        layout.solvers[key] = Sparse(layout.kkt, kind, count, first)
+        alike = layout.solvers.get(f"first {kind}")
+        layout.solvers[key] = Sparse(layout.kkt, kind, count, alike)
         layout.solvers.setdefault(f"first {kind}", layout.solvers[key])
     return layout.solvers[key]
 

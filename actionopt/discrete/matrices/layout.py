@@ -47,8 +47,11 @@ class MatrixLayout:
         return self._own.kinds
 
     @property
-    def inside_solvers(self) -> dict[int, Any]:
-        """Those of what is inside elements, by the degree: all layouts of a system share them."""
+    def inside_solvers(self) -> dict[tuple[int, int], Any]:
+        """Those of what is inside elements, by their degree and how many columns at once.
+
+        All layouts of a system share them.
+        """
         return self.system.memoize("inside", _Solvers).kinds
 
     @property
