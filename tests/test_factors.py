@@ -503,6 +503,7 @@ def test_the_inertia_of_a_small_matrix_with_a_border(monkeypatch, duration, sign
 
 def test_a_pattern_is_analysed_once_for_any_number_of_right_hand_sides(monkeypatch):
     monkeypatch.setattr("actionopt.discrete.matrices.layout.BLOCK_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.matrices.layout.FILLED", 1.0)
     layout, nonzeros, dense = matrix_of("plain", ("sparse", 5))
     right = np.random.default_rng(3).normal(size=(layout.size, 3))
     kept = SparseFactors(layout, nonzeros)
