@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import motion
 
 import actionopt as ao
 from actionopt.solver.search.out_of_reach import is_out_of_reach
@@ -52,3 +53,32 @@ def test_a_question_without_an_answer_is_not_searched_on(problem):
     assert sum(refused.stats["iterations"].values()) < 40  # a search takes hundreds
     with pytest.raises(ao.SolveError, match="no motion from the start"):
         ao.solve(problem)
+
+
+def through_a_gap(q, v, t):
+    """Return L of a body beside a wall at x = 0 that has a gap at y = -0.4."""
+    gap = 0.1 * np.exp(-((31 * q[1] + 12.8) ** 2))
+    return v @ v / 2 - 0.2 * q[1] ** 2 - 0.014 / (q[0] ** 2 + gap)
+
+
+def round_a_centre(q, v, t):
+    return (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2 + 3.55 / q[0]
+
+
+def over_a_bump(q, v, t):
+    """Return L of an oscillator and a slight bump: ends of motions are near one another."""
+    return (v @ v - q @ q) / 2 - 5e-4 * np.exp(-30 * ((q[0] + 0.85) ** 2 + (q[1] + 0.17) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("law", "q", "v", "T"),
+    [
+        (through_a_gap, [-1.0, 0.19], [1.12, -0.67], 1.02),
+        (round_a_centre, [1.515, 0.0], [-1.093, 0.0666], 0.915),
+        (over_a_bump, [-0.71, -0.034], [4.97, -1.70], 9.394),
+    ],
+)
+def test_an_end_to_which_few_motions_lead_is_not_out_of_reach(law, q, v, T):
+    system = ao.System(law, ["x", "y"])
+    end = motion(system, q, v, 0.0, T)(T)
+    assert not is_out_of_reach(ao.Problem(system, ao.Event(0.0, q), ao.Event(T, end)), None)

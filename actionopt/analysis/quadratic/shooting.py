@@ -43,10 +43,13 @@ DOPRI_STAGES = (
 DOPRI_ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-def shoot(problem: Problem, v0: Array, *, patient: bool = False) -> Array:
-    """Return where motions from the start event with velocities v0 (n, G, K) end, (n, G, K)."""
-    q0 = np.array(problem.start.q, dtype=float)[:, None, None]
-    return fly(problem, np.broadcast_to(q0, v0.shape), v0, patient=patient)[0]
+def shoot(problem: Problem, v0: Array, *, patient: bool = False, back: bool = False) -> Array:
+    """Return where motions from the start event with velocities v0 (n, G, K) end, (n, G, K).
+
+    Or from the end event `back` to the start's time.
+    """
+    q0 = np.array((problem.end if back else problem.start).q, dtype=float)[:, None, None]
+    return fly(problem, np.broadcast_to(q0, v0.shape), v0, patient=patient, back=back)[0]
 
 
 def fly(
@@ -56,14 +59,17 @@ def fly(
     watch: Watch | None = None,
     *,
     patient: bool = False,
+    back: bool = False,
 ) -> tuple[Array, Array]:
     """Return coordinates and velocities at the end of motions from q0 and v0, all (n, G, K).
 
     K motions in groups of G that share their steps, so that differences within a group are
     smooth. NaN where a motion does not stay finite. What takes far longer than half of the others
-    is given up, but where `patient`: motions of unlike speeds do.
+    is given up, but where `patient`: motions of unlike speeds do. They begin at the start's time,
+    or go `back` from the end's.
     """
-    t0, T = np.full(v0.shape[2], problem.start.t), np.full(v0.shape[2], problem.duration)
+    begin, T = problem.end if back else problem.start, problem.duration
+    t0, T = np.full(v0.shape[2], begin.t), np.full(v0.shape[2], -T if back else T)
     look = watch and watch.look
     return integrate(problem, (t0, q0, v0), T, watch=look, patient=patient)
 
@@ -250,20 +256,21 @@ def hermite(times: Array, q: Array, v: Array, *, slope: bool = False):
     return curve
 
 
-def aim(problem: Problem, v0: Array, targets: Array) -> tuple[Array, NDInt]:
+def aim(problem: Problem, v0: Array, targets: Array, *, back: bool = False) -> tuple[Array, NDInt]:
     """Change the velocities v0 (n, K) until the motions end at `targets` (n, K).
 
-    Returns the velocities of those that arrive and their positions in the list. Each motion
-    takes damped Newton steps of its own, least squares where constraints leave fewer velocities
-    than coordinates.
+    Motions from the start event, or `back` from the end event. Returns the velocities of those that
+    arrive and their positions in the list. Each motion takes damped Newton steps of its own, least
+    squares where constraints leave fewer velocities than coordinates.
     """
-    q = np.array(problem.start.q, dtype=float)
-    basis = directions(problem, q, problem.start.t)
+    begin = problem.end if back else problem.start
+    q = np.array(begin.q, dtype=float)
+    basis = directions(problem, q, float(begin.t))
     apart = np.abs(targets - q[:, None])
     unit = np.maximum(problem.lengths, np.max(apart, axis=1))[:, None, None]
 
     def gap(v: Array, which: NDInt) -> Array:
-        return (shoot(problem, v) - targets[:, None, which]) / unit
+        return (shoot(problem, v, back=back) - targets[:, None, which]) / unit
 
     return _newton(v0, basis, gap)
 
