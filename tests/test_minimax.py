@@ -61,6 +61,17 @@ def test_nothing_is_climbed_where_the_path_between_the_ends_is_not_least():
             assert follow(tr, z).travelled <= 1e-2
 
 
+@pytest.mark.parametrize(("tol", "degree"), [(1e-6, 10), (1e-12, 6)])
+def test_it_is_climbed_on_a_mesh_that_may_resolve_the_path_while_matrices_are_small(tol, degree):
+    problem = ao.Problem(
+        ao.System(systems_of_two, ["a", "b"]), ao.Event(0.0, [0.87, 0.87]), ao.Event(1.0, None)
+    )
+    found = ao.solve(problem, tol=tol)
+    first, end = found.stats["rounds"][0], ao.solve(problem, tol=1e-8).end.q
+    assert first["elements"] == 4 and first["unknowns"] == 2 * 4 * degree
+    np.testing.assert_allclose(found.end.q, end, atol=1e-6)
+
+
 def test_where_it_is_climbed():
     pendulum = systems.pendulum(g=9.81)
     start, end = ao.Event(0.0, 0.3), ao.Event(1.0, 0.5)

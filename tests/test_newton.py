@@ -169,8 +169,8 @@ def test_a_second_simplified_step_that_grows_asks_for_another_matrix():
     factors = SimpleNamespace(cheap=True, solve=lambda right: np.array([next(lengths)]))
     tr = SimpleNamespace(residual=lambda z: z, relative_step=lambda step: abs(step[0]))
     z = np.ones(1)
-    _, rest, ratio, converged = _steps(tr, factors, z, z, False, 1e-14, None)
-    assert not converged and rest == 1e-6 and ratio == CONTRACTION
+    _, rest, ratio, converged, first = _steps(tr, factors, z, z, False, 1e-14, None)
+    assert not converged and rest == 1e-6 and ratio == CONTRACTION and first == 1e-4
 
 
 def test_the_matrix_of_a_steady_linear_system_is_factorized_once_for_all_ends():

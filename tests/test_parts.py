@@ -128,7 +128,8 @@ def test_what_takes_longest_is_tried_on_the_first_and_on_the_finest_mesh(monkeyp
     meshes, far = [Mesh.uniform(1.0, 3.0, k, 3) for k in (2, 4, 8)], []
     failed = ao.Status.NOT_FOUND
     for name, known in (
-        ("_from_few", failed), ("_fine_enough", meshes), ("_near", False), ("_quickly_past", failed)
+        ("_from_few", (failed, False)), ("_fine_enough", meshes), ("_near", False),
+        ("_quickly_past", failed),
     ):  # fmt: skip
         monkeypatch.setattr(near_guess, name, lambda *_, known=known, **__: known)
     monkeypatch.setattr(near_guess, "_continue", lambda search, far: tried.append(far))

@@ -202,6 +202,20 @@ def test_a_motion_given_as_the_guess_is_followed_on_no_finer_mesh_than_without_o
         assert near.stats["rung"] == "guess" and abs(near.action - alone.action) < tol
 
 
+def test_a_motion_given_as_a_function_is_asked_for_twice_to_be_followed():
+    """At three times, for what it returns, and at those that show whether few elements show it."""
+    problem, asked = scenes.get("pendulum", duration=0.5).problem, []
+    alone = ao.solve(problem, tol=1e-6)
+
+    def guess(t):
+        asked.append(t.size)
+        return alone(t)
+
+    near = ao.solve(problem, tol=1e-6, guess=guess)
+    assert near.stats["rung"] == "guess" and len(asked) == 2 and asked[0] == 3
+    assert near.stats["evaluations"]["first"] < alone.stats["evaluations"]["first"]
+
+
 @pytest.mark.long
 def test_waypoints_that_miss_the_turns_lead_to_the_path_through_them():
     """Nine points of ten swings ended unresolved, after three meshes and a homotopy on each."""
@@ -212,7 +226,8 @@ def test_waypoints_that_miss_the_turns_lead_to_the_path_through_them():
     assert abs(near.action - alone.action) < 1e-6
     assert "ipopt" not in near.stats["iterations"]
     taken, without = (s.stats["evaluations"]["second"] for s in (near, alone))
-    assert taken <= 1.5 * without  # a guess costs no more than none: three times as many did
+    # A guess costs no more than none, but for the look at it: three times as many did.
+    assert taken <= without + 1
     # A path that misses a waypoint is none of those near the guess.
     guess[0, 4] += 1.0
     far = ao.solve(problem, tol=1e-6, guess=guess, throw=False)

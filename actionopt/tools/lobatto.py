@@ -211,9 +211,10 @@ class Rule:
         hit, node = (gap == 0.0).nonzero()
         gap[hit, node] = 1.0
         terms = self.barycentric / gap
-        matrix = terms / terms.sum(axis=1, keepdims=True)
-        matrix[hit] = 0.0
-        matrix[hit, node] = 1.0
+        matrix = terms / np.add.reduce(terms, axis=1, keepdims=True)
+        if hit.size:
+            matrix[hit] = 0.0
+            matrix[hit, node] = 1.0
         return matrix
 
 

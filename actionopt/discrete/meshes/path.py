@@ -217,14 +217,16 @@ class Path:
         """Evaluate nodal values (n, nodes), or a derivative of them, at times t: (n, *t.shape)."""
         times = t if isinstance(t, np.ndarray) and t.dtype.char == "d" else numbers(t, "the times")
         flat = times.reshape(-1)
-        b = self.mesh.boundaries
-        slack = TIME_SLACK * max(abs(b[0]), abs(b[-1]), b[-1] - b[0])
-        if flat.size and not (flat.min() >= b[0] - slack and flat.max() <= b[-1] + slack):
-            raise ValueError(
-                f"expected times within [{b[0]}, {b[-1]}], found "
-                f"{flat.min()} to {flat.max()}; a path is not extrapolated"
-            )
-        found = self._since(values, derivatives, flat - b[0])
+        first, last = self.mesh.boundaries[[0, -1]].tolist()
+        slack = TIME_SLACK * max(abs(first), abs(last), last - first)
+        if flat.size:
+            low, high = np.minimum.reduce(flat), np.maximum.reduce(flat)
+            if not (low >= first - slack and high <= last + slack):
+                raise ValueError(
+                    f"expected times within [{first}, {last}], found {low} to {high}; a path is "
+                    "not extrapolated"
+                )
+        found = self._since(values, derivatives, flat - first)
         return found.reshape(values.shape[0], *times.shape)
 
     def _since(self, values: Array, derivatives: int, flat: Array) -> Array:
@@ -246,11 +248,11 @@ class Path:
         results = [np.empty((values.shape[0], flat.size)) for _ in orders]
         for k, g in enumerate(groups):
             mine = slice(None) if len(groups) == 1 else kinds == k
-            e = where[mine]
+            e, t = where[mine], flat[mine]
             if e.size == 0:
                 continue
             h = self.mesh.lengths[e]
-            xi = ((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h
+            xi = ((t - b[e]) - (b[1:][e] - t)) / h
             xi = np.minimum(np.maximum(xi, -reach), reach)
             weights, order = g.rule.interpolation(xi), 0
             local = values[:, self.mesh.offsets[e][:, None] + np.arange(g.rule.degree + 1)]

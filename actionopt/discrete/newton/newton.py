@@ -51,6 +51,7 @@ class Followed:
     factors: Factors | None = None  # those of the last factorization, close to z
     # Distance from where that matrix was taken, that of the multipliers included.
     since: float = 0.0
+    first_step: float = 0.0  # length of Newton's first step, in the same units, where it was lost
 
 
 def follow(
@@ -71,13 +72,15 @@ def follow(
     `Factors`. Those of a matrix `near` that at z, and how far it was taken from there, may do.
     """
     cut = tr.layout.unknowns
-    first, rest = z, np.inf
+    first, rest, first_step = z, np.inf, 0.0
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
         if near is not None:
             factors, since = near
             with suppress(np.linalg.LinAlgError):
-                end, rest, _, converged = _steps(tr, factors, z, residual, linear, target, enough)
+                end, rest, _, converged, _ = _steps(
+                    tr, factors, z, residual, linear, target, enough
+                )
                 if converged and np.isfinite(rest):
                     since += _size(end - z)
                     return Followed(end, True, rest, 0, _size((end - z)[:cut]), factors, since)
@@ -90,11 +93,14 @@ def follow(
                     factors = factorize(tr, z, many=many)
                 if is_stiff(tr, z) and not is_reliable(tr, factors, z, residual):
                     return Followed(z, False, np.inf, k, np.inf)
-                z, rest, ratio, converged = _steps(tr, factors, z, residual, linear, target, enough)
+                z, rest, ratio, converged, length = _steps(
+                    tr, factors, z, residual, linear, target, enough
+                )
             except np.linalg.LinAlgError:
-                return Followed(z, False, np.inf, k, np.inf)
+                return Followed(z, False, np.inf, k, np.inf, first_step=first_step)
+            first_step = length if k == 1 else first_step
             if not np.isfinite(rest):
-                return Followed(z, False, np.inf, k, np.inf)
+                return Followed(z, False, np.inf, k, np.inf, first_step=first_step)
             travelled = _size((z - first)[:cut])
             if converged:
                 return Followed(z, True, rest, k, travelled, factors, _size(z - taken))
@@ -110,7 +116,7 @@ def follow(
         terms = _size(factors.nonzeros) * _size(np.abs(z) + tr.magnitudes)
         small = _size(residual) < HALF_DIGITS * terms
         at_roundoff = small and is_roundoff(tr, z, residual)
-    return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]))
+    return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]), first_step=first_step)
 
 
 def _steady(tr: Transcription, z: Array, many: bool) -> Factors:
@@ -132,24 +138,26 @@ def _steps(
     linear: bool,
     target: float,
     enough: Callable[[Array], float] | None,
-) -> tuple[Array, float, float, bool]:
+) -> tuple[Array, float, float, bool, float]:
     """Take Newton's step from z and simplified ones, as far as they will do.
 
     Return the last iterate (size,), the length of the last step, its ratio to the one before, and
-    whether they converged: then the last step was not taken, and its length is the round-off.
+    whether they converged: then the last step was not taken, and its length is the round-off. And
+    the length of the first step.
     """
-    converged, ratio = False, 0.0
+    converged, ratio, length = False, 0.0, 0.0
     step = factors.solve(residual)
     chords = CHORDS if factors.cheap else 1
     for again in range(chords + 2):
         z, size = z - step, tr.relative_step(step)
+        length = length if again else size
         residual = tr.residual(z)
         step = factors.solve(residual)
         rest = tr.relative_step(step)
         if converged or rest <= target:
             if not residual.any():  # a path of zeros has no round-off of its own
                 rest = tr.relative_step(factors.solve(_roundoff(tr, factors)))
-            return z, rest, ratio, True
+            return z, rest, ratio, True, length
         ratio = rest / size if size else 0.0
         stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
         converged = linear or rest * ratio <= target or stopped
@@ -159,7 +167,7 @@ def _steps(
             break
     if again and ratio > CONTRACTION:  # near a singular matrix another one may serve
         ratio = CONTRACTION
-    return z - step, rest, ratio, False
+    return z - step, rest, ratio, False, length
 
 
 def move_ends(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bool]:

@@ -17,9 +17,21 @@ from actionopt.mechanics.question.course import check_phase
 from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import among, numbers, tolerance
+from actionopt.tools.immutable import immutable
 from actionopt.tools.types import Array
 
 Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
+
+
+@immutable
+class Sampled:
+    """A guess that is known at all times and has no mesh, as a function of the one to use."""
+
+    at: Callable[[Array], Array]  # of times (K,): new arrays (n, K)
+
+    def __call__(self, mesh: Mesh) -> Path:
+        """Return the path through the guess at the nodes. Raises ValueError if it is not finite."""
+        return Path.through(mesh, self.at(mesh.nodes))
 
 
 def check_arguments(
@@ -122,14 +134,13 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
         return lambda mesh: Path(carry_boundaries(known.mesh, old, new, t0, t1), known.values)
     if callable(guess):
         known_at = checked_curve(guess, n)
-        known_at(Mesh.uniform(t0, t1, 1, 2).nodes)  # raises
-        return lambda mesh: Path(mesh, known_at(mesh.nodes))
+        known_at(np.array([t0, (t0 + t1) / 2, t1]))  # raises
+        return Sampled(known_at)
     points = waypoints(guess, n)
     from actionopt.analysis.quadratic.shooting import hermite
 
     times = np.linspace(t0, t1, points.shape[1])
-    smooth = hermite(times, points, _rates(problem, times, points))
-    return lambda mesh: Path.interpolate(smooth, mesh)
+    return Sampled(hermite(times, points, _rates(problem, times, points)))
 
 
 def checked_curve(guess: Callable[[Array], Any], n: int) -> Callable[[Array], Array]:

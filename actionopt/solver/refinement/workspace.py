@@ -95,6 +95,8 @@ class Workspace(Generic[Place]):
     recovered: bool = False  # whether the last transfer lost the path and found it again
     # Whether a neighbour's path led to where plain Newton steps will hardly arrive.
     astray: bool = False
+    # Newton's first step where a path was lost that was followed last, in its coordinates' sizes.
+    first_step: float = 0.0
     hint: str = ""  # what to add to the verdict
     best: Iterate | None = None  # where it was polished last, if time may run out
     unpolished: Iterate | None = None  # a path that was near, and not to be polished
@@ -436,6 +438,7 @@ class Workspace(Generic[Place]):
                 near=near,
             )
         self.record.iterations["newton"] += result.iterations
+        self.first_step = result.first_step
         if not (result.converged and (self.linear or result.travelled < reach)):
             return False
         self.here = here.at_result(result)

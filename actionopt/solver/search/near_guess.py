@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -13,12 +14,15 @@ from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
 from actionopt.discrete.meshes.resolution import Resolution, cheapest_mesh, resolution
 from actionopt.mechanics.question.problem import Problem
+from actionopt.solver.input.arguments import Sampled
 from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS, LINEAR
 from actionopt.solver.refinement.iterate import sizes
 from actionopt.solver.refinement.signals import HALVINGS
-from actionopt.solver.refinement.workspace import FOLLOWED_REACH, PATIENT, ROUGHLY
-from actionopt.solver.search.search import REACHED, Search
+from actionopt.solver.refinement.workspace import FOLLOWED_REACH, PATIENT, ROUGHLY, Workspace
+from actionopt.solver.search.search import REACHED, Search, Strategy
 from actionopt.solver.search.strategies import CHEAP, GUESS_ONLY, IPOPT
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import Array
 
 GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
 # Elements tried before. Measured on chains, bodies and lattices: half the time, at any tolerance.
@@ -72,12 +76,12 @@ def follow_guess(
     If `seen` is given, the guess is known at its nodes only.
     """
     search.begin("guess")
-    status = _from_few(search, curve_of, sparse=seen is not None)
+    status, missed = _from_few(search, curve_of, sparse=seen is not None)
     if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
         return status
-    missed = False
-    if seen is not None and (missed := _is_far(search, curve_of)):
-        found = _quickly_past(search, curve_of(seen))
+    if seen is not None and (missed := missed or _is_far(search, curve_of)):
+        # Were the action convex along the line, Newton's method would not have led astray.
+        found = _quickly_past(search, curve_of(seen), CHEAP[1:])
         if found in REACHED:
             return found
     meshes = _fine_enough(search, curve_of)
@@ -114,35 +118,34 @@ def _is_far(search: Search, curve_of: Callable[[Mesh], Path]) -> bool:
         return False
     few = curve_of(search.uniform(COARSE_GUESS[0], search.fine_degree()))
     search.ws.transcribe(few.mesh, few, like=few)
-    return _leads_astray(search)
-
-
-def _leads_astray(search: Search) -> bool:
-    """Whether Newton's first step from the iterate at hand is as long as coordinates are large.
-
-    So it is from a guess of few points that misses the turns of a motion. Measured, in the
-    coordinates' sizes: 3e-4 to 0.13 from nine points that show the motion, 2.6 from nine that do
-    not.
-    """
     here = search.ws.here
     with np.errstate(all="ignore"):
         try:
             step = Factors(here.tr.layout, here.tr.kkt(here.z)).solve(here.tr.residual(here.z))
         except np.linalg.LinAlgError:
             return False
-        return not here.tr.relative_step(step) < 1.0
+        return _is_long(here.tr.relative_step(step))
 
 
-def _quickly_past(search: Search, seen: Path) -> Status:
+def _is_long(first_step: float) -> bool:
+    """Whether Newton's first step from a guess of few points is as long as coordinates are large.
+
+    So it is where they miss the turns of a motion. Measured, in the coordinates' sizes: 3e-4 to
+    0.13 from nine points that show the motion, 2.6 from nine that do not.
+    """
+    return not first_step < 1.0
+
+
+def _quickly_past(search: Search, seen: Path, ways: tuple[Strategy, ...] = CHEAP) -> Status:
     """Seek a path by quick ways from nothing, if it passes near the nodes of the guess `seen`.
 
     A guess of few points that misses the turns of a motion leads nowhere by itself.
     """
     if search.strategies in (IPOPT, GUESS_ONLY) or search.given is not None:
         return Status.NOT_FOUND
-    other = Search(search.ws.again(), search.tol, search.principle, None, CHEAP)
+    other = Search(search.ws.again(), search.tol, search.principle, None, ways)
     other.may_be_least = search.wants_least
-    status = other.try_each(CHEAP)
+    status = other.try_each(ways)
     if status in REACHED:
         here = other.ws.here
         away = np.abs(here.path(seen.mesh.nodes) - seen.values).max(axis=1)
@@ -152,23 +155,59 @@ def _quickly_past(search: Search, seen: Path) -> Status:
     return status
 
 
-def _from_few(search: Search, curve_of: Callable[[Mesh], Path], *, sparse: bool) -> Status:
-    """Follow the guess on few elements that show all of it; a `sparse` one unless it is far."""
+def _from_few(
+    search: Search, curve_of: Callable[[Mesh], Path], *, sparse: bool
+) -> tuple[Status, bool]:
+    """Follow the guess on few elements that show all of it; a `sparse` one unless it is far.
+
+    And whether it is one that is.
+    """
     ws = search.ws
-    if search.given is not None or search.strategies is IPOPT:
-        return Status.NOT_FOUND
-    fine = search.uniform(GUESS_MESHES[0], COARSE_DEGREE)
-    curve = curve_of(fine)
-    if curve.mesh is not fine:
-        return Status.NOT_FOUND
-    hidden = GUESS_RESOLUTION * sizes(curve.values.T, ws.problem.scales)[:, None]
+    if search.given is not None or search.strategies is IPOPT or not isinstance(curve_of, Sampled):
+        return Status.NOT_FOUND, False
     for elements in COARSE_GUESS:
-        few = curve_of(search.uniform(elements, search.fine_degree()))
-        if np.all(np.abs(few.on(fine).values - curve.values) <= hidden):
-            ws.transcribe(few.mesh, few, like=few)
-            near = _settles(search, sparse=sparse) and ws.here.rough < ROUGHLY
-            return search.refine() if near else Status.NOT_FOUND
-    return Status.NOT_FOUND
+        mesh = search.uniform(elements, search.fine_degree())
+        few = _if_shown(mesh, curve_of, ws.problem.scales)
+        if few is not None:
+            ws.transcribe(mesh, few, like=few)
+            near = ws.follow()
+            if not near and sparse and not ws.problem.system.m and _is_long(ws.first_step):
+                return Status.NOT_FOUND, True
+            near = (near or _comes_near(ws)) and ws.here.rough < ROUGHLY
+            return search.refine() if near else Status.NOT_FOUND, False
+    return Status.NOT_FOUND, False
+
+
+def _if_shown(mesh: Mesh, guess: Sampled, scales: Array) -> Path | None:
+    """Return the guess on a mesh of few elements if these show all of it, else None.
+
+    That is asked at the nodes of as many elements as the first of `GUESS_MESHES`.
+    """
+    parts, t0 = GUESS_MESHES[0] // mesh.elements, mesh.boundaries[0]
+    between = [_between(g.rule.degree, parts) for g in mesh.groups]
+    times = [mesh.nodes]
+    for g, (xi, _) in zip(mesh.groups, between, strict=True):
+        middle = (mesh.since[g.elements] + mesh.since[g.elements + 1]) / 2
+        times.append((middle[:, None] + mesh.lengths[g.elements, None] / 2 * xi).ravel() + t0)
+    values = guess.at(np.concatenate(times))
+    few = Path.through(mesh, values[:, : times[0].size].copy())
+    shown = [
+        (few.values[:, g.nodes] @ matrix).reshape(len(values), -1)
+        for g, (_, matrix) in zip(mesh.groups, between, strict=True)
+    ]
+    missed = np.abs(values[:, times[0].size :] - np.concatenate(shown, axis=1)).max(axis=1)
+    return few if (missed <= GUESS_RESOLUTION * sizes(values.T, scales)).all() else None
+
+
+@cache
+def _between(degree: int, parts: int) -> tuple[Array, Array]:
+    """Return the nodes (P,) between the ends of an element of so many parts, of a coarse degree.
+
+    And the matrix (d + 1, P) that maps nodal values to values there.
+    """
+    middles = (2 * np.arange(parts)[:, None] + 1) / parts - 1
+    xi = (middles + lgl(COARSE_DEGREE).nodes[:-1] / parts).ravel()[1:]
+    return xi, lgl(degree).interpolation(xi).T
 
 
 def _near(search: Search) -> bool:
@@ -176,7 +215,7 @@ def _near(search: Search) -> bool:
     ws, first = search.ws, search.ws.here
     if search.strategies is IPOPT:
         return ws.root()
-    if _settles(search):
+    if ws.follow() or _comes_near(ws):
         return True
     settled = ws.here
     if ws.problem.system.m:  # damped steps may leave the surface, and come to another path
@@ -203,14 +242,9 @@ def _continue(search: Search, *, far: bool) -> bool:
     return far and not ws.large and ws.go("continuation", newton_homotopy)
 
 
-def _settles(search: Search, *, sparse: bool = False) -> bool:
-    """Move the iterate at hand to the stationary path next to it, as far as that is quick."""
-    ws = search.ws
-    if ws.problem.system.m == 0:
-        if ws.follow():
-            return True
-        return not (sparse and _leads_astray(search)) and (ws.approach(PATIENT) or ws.settle())
-    return ws.follow() or ws.settle()
+def _comes_near(ws: Workspace) -> bool:
+    """Move an iterate that is not near to the stationary path next to it, as far as is quick."""
+    return (ws.problem.system.m == 0 and ws.approach(PATIENT)) or ws.settle()
 
 
 def _fine_enough(search: Search, curve_of: Callable[[Mesh], Path]) -> list[Mesh]:

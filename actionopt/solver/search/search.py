@@ -97,6 +97,10 @@ class Strategy:
         """Return the numbers of elements on which it is tried."""
         return self.meshes
 
+    def degree_for(self, search: Search, elements: int) -> int:
+        """Return the degree of so many elements on which it is tried."""
+        return search.fine_degree() if self.steep else COARSE_DEGREE
+
     def applies(self, search: Search) -> bool:
         """Whether the way is open to the problem, and worth its time."""
         return search.may_be_least if self.minimises else search.saddle is None
@@ -355,7 +359,7 @@ class Search:
         meshes = sorted({max(elements, few) for elements in (*first, *strategy.meshes_for(self))})
         for elements in meshes:
             ws.restart()
-            self._begin_on(elements, self.fine_degree() if strategy.steep else COARSE_DEGREE, known)
+            self._begin_on(elements, strategy.degree_for(self, elements), known)
             if not strategy.seek(ws):
                 if (
                     strategy.minimises and ws.unbounded and ws.problem.system.F is None
@@ -468,8 +472,8 @@ class Search:
         """
         if self.ws.problem.system.n > FEW_COORDINATES:
             return COARSE_DEGREE
-        wanted = max(COARSE_DEGREE, -np.log10(self.tol) + 3)
-        return int(DEGREES[min(np.searchsorted(DEGREES, wanted), DEGREES.size - 1)])
+        wanted = max(COARSE_DEGREE, 3 - math.log10(self.tol))
+        return int(DEGREES[min(DEGREES.searchsorted(wanted), DEGREES.size - 1)])
 
     def refine(self) -> Status:
         """Refine the path at hand to the tolerance, or judge it on the mesh that was given."""

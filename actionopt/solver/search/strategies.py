@@ -6,8 +6,14 @@ import math
 from functools import partial
 
 from actionopt.analysis.status import Status
+from actionopt.discrete.matrices.blocks import FULL_SIZE
 from actionopt.mechanics.question.problem import Problem
-from actionopt.solver.refinement.first_mesh import COARSE_ELEMENTS, IPOPT_SIZE, MOST_ELEMENTS
+from actionopt.solver.refinement.first_mesh import (
+    COARSE_DEGREE,
+    COARSE_ELEMENTS,
+    IPOPT_SIZE,
+    MOST_ELEMENTS,
+)
 from actionopt.solver.refinement.signals import LEADS_NOWHERE
 from actionopt.solver.refinement.workspace import PATIENT, Workspace
 from actionopt.solver.search.search import Search, Strategy
@@ -115,9 +121,17 @@ class Homotopy(Strategy):
 
 
 class Minimax(Strategy):
-    """Least between the ends, greatest in these: above free ends over which the action falls."""
+    """Least between the ends, greatest in these: above free ends over which the action falls.
+
+    A mesh that may resolve the path at once is worth its cost while matrices are small.
+    """
 
     steep, persistent, reliable, cost = True, False, False, 60
+
+    def degree_for(self, search: Search, elements: int) -> int:
+        fine = super().degree_for(search, elements)
+        small = search.ws.problem.system.n * elements * fine <= FULL_SIZE
+        return fine if small else COARSE_DEGREE
 
     def applies(self, search: Search) -> bool:
         problem = search.ws.problem
