@@ -75,7 +75,7 @@ def test_calls_for_some_times_give_what_one_for_all_gives(monkeypatch):
     arguments = q.T, v.T, t[:, None], np.array([[2.0]])
     whole = [x.copy() for x in new().pointwise("second")(*arguments)]
     function = new().pointwise("second")
-    monkeypatch.setattr(compiled, "MAPPED", 5 * function._sizes[3])
+    monkeypatch.setattr(compiled, "MAP_NUMBERS", 5 * function._sizes[3])
     for part, all_at_once in zip(function(*arguments), whole, strict=True):
         same_bits(part, all_at_once, because="each time is evaluated by itself")
     *_, mapped = function._memory.ready[23]

@@ -40,7 +40,7 @@ LOW_DEGREE = 2  # has no coefficients that could decay
 # Of what a mesh may leave out: up to where degrees are raised by two, not by four, if that is
 # expected then. Values of d2S go with the square. Measured on 16 random lattices to 200 masses:
 # they move by 2e-13 at most.
-SURELY = 3e-2
+FEW_MORE = 3e-2
 COEFFICIENT_SAMPLES = 120  # of d2S, at least: it may vary faster than path and fields
 COEFFICIENTS_AT_ONCE = 2**14  # coordinates at samples, or one element's; ad hoc, some 0.3 MB
 COEFFICIENT_NOISE = 1e-13  # of the largest: some hundred eps
@@ -270,7 +270,7 @@ def refine_where(mesh: Mesh, tail: Array, tol: float, expected: Array | None = N
             "runs into a singularity there, such as a collision, or is not smooth, and its "
             "neighbours are not determined"
         )
-    more = 4 if expected is None else np.where(expected <= SURELY * tol, 2, 4)
+    more = 4 if expected is None else np.where(expected <= FEW_MORE * tol, 2, 4)
     degrees = np.where(coarse & ~split, degrees + more, degrees)
     return mesh.divide(np.where(split, 2, 1), degrees)
 

@@ -30,7 +30,7 @@ PARTED, PART, PART_OPERATIONS = 256, 8, 2**9
 OFTEN = 2**11
 # Numbers of one call of CasADi's for several times, whose map holds a sparsity of as many: 64 kB.
 # Measured on 10 to 160 coordinates: calls take as long as one for all, and what makes them half.
-MAPPED = 2**13
+MAP_NUMBERS = 2**13
 VERY_MANY = 2**12  # times from where on numpy takes a third of CasADi's time; measured
 
 
@@ -206,7 +206,7 @@ class Pointwise:
         mapped, part = self._part if often or count >= PARTED else (self.function, 1)
         parts = -(-count // part)  # the last one evaluates at zeros as well
         *widths, _, numbers = self._sizes
-        together = min(max(MAPPED // (part * numbers), 1), parts)
+        together = min(max(MAP_NUMBERS // (part * numbers), 1), parts)
         mapped = mapped.map(together) if together > 1 else mapped
         inputs, outputs = ([np.zeros((parts * part, w)) for w in ws] for ws in widths[:2])
         buffers, triggers = [], []
