@@ -268,7 +268,7 @@ class Factors:
             if self._accurate:
                 return x, y
         elif self.pairs and self._even is None:
-            one, other = self._full_factors(np.stack([one, other], axis=1)).T
+            one, other = self._full_factors(np.array([one, other]).T).T
             return one, other
         return self.solve(one), self.solve(other)
 

@@ -12,6 +12,7 @@ what is light. Then the curve's accelerations are scaled down: R(z) = (1 - s) M(
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,13 +138,13 @@ class HomotopyCurve:
     def _keep_direction(self, slope: Array) -> bool:
         """Keep going the same way along the curve, through a fold in s as well."""
         cut = self.tr.layout.unknowns
-        norm = np.sqrt(np.mean(slope[:cut] ** 2) + 1.0)
+        norm = math.sqrt(slope[:cut] @ slope[:cut] / cut + 1.0)
         forward = self.ds
         if self.direction is not None:
             forward = float(slope[:cut] @ self.direction[:cut]) / cut + self.ds
         sign = 1.0 if forward >= 0 else -1.0
-        self.direction, self.ds = sign * slope / norm, sign / float(norm)
-        return bool(norm > 0)
+        self.direction, self.ds = sign * slope / norm, sign / norm
+        return norm > 0
 
     def _step_along(self) -> bool:
         """Take a step along the curve, as long as its corrector converges and s <= `CURVE_END`.
@@ -188,13 +189,12 @@ class HomotopyCurve:
                 except np.linalg.LinAlgError:
                     return None
                 # Bordered system: the correction is orthogonal to the direction.
-                along = np.mean(miss[:cut] * across)
-                change = along / (np.mean(slope[:cut] * across) + self.ds)
-                step = -miss + slope * change
-                size = float(np.max(np.abs(step[:cut])))
-                if not np.isfinite(size) or size > 2 * last:
+                change = float(miss[:cut] @ across / (slope[:cut] @ across + self.ds * cut))
+                step = slope * change - miss
+                size = float(np.maximum.reduce(np.abs(step[:cut])))
+                if not math.isfinite(size) or size > 2 * last:
                     return None
-                z, s, before, last = z + step, s + float(change), last, size
+                z, s, before, last = z + step, s + change, last, size
                 # The next one is of its square, and counts though it is not taken.
                 spare = k > 1 and size * (size / before) ** 2 < CORRECTOR_TOL
                 if spare or size < CORRECTOR_TOL:
