@@ -1089,8 +1089,8 @@ def test_first_lines_pass_a_disc_on_either_side():
         lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1
     )
     problem = Problem(disc, Event(0.0, [-2.0, 0.0]), Event(2.0, [2.0, 0.0]))
-    line = fake(problem=problem, Q=np.array([[-2.0, 0.0], [0.5, 3.0], [2.0, 0.0]]))
-    assert first_contacts.sideways(line)[0] == pytest.approx(0.0, abs=1e-12)
+    line = Path(Mesh.uniform(0.0, 2.0, 2, 1), np.array([[-2.0, 0.5, 2.0], [0.0, 3.0, 0.0]]))
+    assert first_contacts.sideways(problem, line)[0] == pytest.approx(0.0, abs=1e-12)
     found: Any = first_contacts.lines(problem, Mesh.uniform(0.0, 2.0, 6, 4))
     straight, *bent = found
     assert straight is None

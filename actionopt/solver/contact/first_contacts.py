@@ -24,6 +24,7 @@ from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.mechanics.question.held import Held, contacts_of
 from actionopt.mechanics.question.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.question.problem import Problem
+from actionopt.mechanics.question.scales import ends_of
 from actionopt.solver.refinement.first_mesh import COARSE_ELEMENTS
 from actionopt.solver.refinement.ipopt import Principle, find
 from actionopt.solver.refinement.workspace import Workspace
@@ -47,9 +48,15 @@ WHOLE = 0.01  # how near a whole number the order is of a row that grows as a po
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
 
 
-def sideways(free: DiscretePath) -> Array:
+def straight_line(problem: Problem, mesh: Mesh) -> Path:
+    """Return the straight line between events that give all coordinates, at one velocity."""
+    first, last = ends_of(problem)
+    return Path.through(mesh, (first + mesh.nodes_since[:, None] / mesh.duration * (last - first)).T)
+
+
+def sideways(problem: Problem, path: Path) -> Array:
     """Return a direction (n,) across a path's way, coordinates in units of `measures`."""
-    return _across((free.Q[-1] - free.Q[0]) / free.problem.measures)
+    return _across((path.values[:, -1] - path.values[:, 0]) / problem.measures)
 
 
 def _across(along: Array) -> Array:

@@ -36,6 +36,7 @@ from actionopt.solver.contact.first_contacts import (
     narrow_contact_times,
     other_sides,
     sideways,
+    straight_line,
     touch,
 )
 from actionopt.solver.contact.obstacle import (
@@ -50,7 +51,13 @@ from actionopt.solver.contact.obstacle import (
 )
 from actionopt.solver.contact.taut_strings import Strings, WayOut
 from actionopt.solver.refinement.family import is_soft
-from actionopt.solver.refinement.first_mesh import FIRST_TOL, LINEAR, plan_mesh, steady_rates
+from actionopt.solver.refinement.first_mesh import (
+    FIRST_TOL,
+    LINEAR,
+    is_free,
+    plan_mesh,
+    steady_rates,
+)
 from actionopt.solver.refinement.iterate import Iterate
 from actionopt.solver.refinement.refine import refine
 from actionopt.tools.types import EPS, Array
@@ -187,7 +194,7 @@ def _draw_strings(
         ws.take_up(free)
 
         def side(t: float, sign: float = sign) -> Array:
-            away = sign * sideways(free) if guess is None else (guess(t) - free.path(t)) / sizes
+            away = sign * sideways(problem, free.path) if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
         string = strings.draw(side, ws.first_degree(True), ws.free_elements(True))
@@ -248,15 +255,21 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
     beside = problem.advance is not None or problem.is_course
     if n == 1 or m or beside or not problem.system.structure.linear:
         return None
-    free = _least_linear(ws, mesh)
-    if free is None:
-        return None
-    out = WayOut.of(contacts_of(free.problem), free.path.on(mesh))
+    if is_free(problem):
+        first, path, ws.phases = None, straight_line(problem, mesh), 0.0
+    else:
+        first = _least_linear(ws, mesh)
+        if first is None:
+            return None
+        path = first.path.on(mesh)
+    out = WayOut.of(Held(problem, ()), path)
     if out is None:
+        if first is None and _least_linear(ws, mesh) is None:
+            return None
         status = refine_contact(ws, tol, ())
         least = status.success and not ws.contact_problem.arcs and not ws.here.index
         return (ws, status, True) if least else None
-    other = out.beside(out.other_sides(sideways(free)))
+    other = out.beside(out.other_sides(sideways(problem, path)))
     if other is not None:
         far = _action_of(problem, *other)
     for side in (out.normal, -out.normal) if n == 2 else (out.normal,):
@@ -269,7 +282,10 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
         if n > 2 and far < _action_of(problem, string[0].mesh.nodes_since, string[0].values.T):
             return None
         ws.restart()
-        ws.take_up(free)
+        if first is None:
+            ws.checked = True  # of such an L nothing can be wrong
+        else:
+            ws.take_up(first)
         status, arcs = refine_contact(ws, tol, string[1], string[0]), ws.contact_problem.arcs or ()
         if not status.success or ws.here.index or {x.row for x in arcs} != {string[1][0].row}:
             return best and (*best[:2], False)
@@ -438,7 +454,7 @@ def refine_contact(
     is.
     """
     allowed, ws.freed = tol / 4, False
-    coarse = 2 * float(np.diff(ws.here.mesh.nodes).max())
+    coarse = 2 * float(np.diff((ws.here if curve is None else curve).mesh.nodes).max())
     for k in range(CHANGES):
         if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
             allowed = max(tol, VANISHING[1])

@@ -210,11 +210,14 @@ class Along(Workspace[Iterate]):
         The path is the one at hand or a `curve`, along which multipliers are those of a motion. Its
         own mesh stays where it is `resolved`.
         """
-        old, free = self.here.bare(), self.question
+        free = self.question
         self.problem = held = self.contact_problem.holding(arcs)
-        # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
-        values = np.where(np.abs(old.Q) < IPOPT_TOLERANCE * free.lengths, 0.0, old.Q).T
-        path = curve or Path(old.mesh, values)
+        old, path = None, curve
+        if path is None:
+            old = self.here.bare()
+            # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
+            values = np.where(np.abs(old.Q) < IPOPT_TOLERANCE * free.lengths, 0.0, old.Q).T
+            path = Path(old.mesh, values)
         apart = set_phase(free, path, arcs)
         if apart is not free:  # not at a time at which contact may begin
             self.problem = held = Held(apart, arcs, sought=held.sought)
@@ -229,7 +232,7 @@ class Along(Workspace[Iterate]):
                 free.start.t, free.end.t, np.concatenate(since), self.first_degree(bool(arcs))
             )
         there = path if mesh is path.mesh else path.on(mesh)
-        lam = self._contact_multipliers(there) if curve else self._convert_multipliers(old, there)
+        lam = self._convert_multipliers(old, there) if old else self._contact_multipliers(there)
         self.transcribe(mesh, there, lam, like=path)
 
     def as_given(self) -> bool:

@@ -31,7 +31,7 @@ from actionopt.solver.contact.first_contacts import (
     runs,
     sample_rows,
 )
-from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
+from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS, is_free
 from actionopt.tools.blas import solve_each
 from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
@@ -379,6 +379,36 @@ class Ways:
         return np.arcsin(clip(dot(normals, ways) / np.maximum(size(ways), EPS), -1.0, 1.0))
 
 
+@immutable
+class StraightWays(Ways):
+    """The same of a body that is free of forces: straight lines, each at one velocity."""
+
+    @cached_property
+    def ends(self) -> tuple[float, Array, float, Array]:
+        """When and where they begin, and end."""
+        since, (q, v), both = self.times[0], (self.q[0], self.v[0]), (self.before, self.behind)
+        return *(x for t, drift in both for x in (t, q + (t - since) * v + drift)),
+
+    def passing(self, x: Array) -> tuple[Array, Array]:
+        """Return the velocities of the way to points x, and on from there at the same speed."""
+        a, first, b, last = self.ends
+        come, leave = x - first, last - x
+        lengths = size(come), size(leave)
+        speed = (lengths[0] + lengths[1]) / (b - a)
+        come, leave = (
+            way * (speed / np.maximum(length, EPS))[:, None]
+            for way, length in zip((come, leave), lengths, strict=True)
+        )
+        return come, leave
+
+    def passing_at_one_speed(self, ends: Array, length: float) -> tuple[float, float]:
+        """Return when the way comes to the first of two `ends`, and the speed on all of it."""
+        a, first, b, last = self.ends
+        before = size(ends[0] - first)
+        speed = (before + length + size(last - ends[1])) / (b - a)
+        return float(a + before / max(speed, EPS)), float(speed)
+
+
 def _first_below(f: Array, behind: Array) -> tuple[NDInt, NDInt, Array]:
     """Return the first places where f (C, K) is below zero or `behind`, those before, and parts.
 
@@ -412,11 +442,17 @@ class Strings:
         path, sizes = self.path, self.held.measures
         return path.mesh.nodes_since, path.values.T / sizes, path.node_velocities().T / sizes
 
+    @cached_property
+    def straight(self) -> bool:
+        """Whether ways that touch nothing are straight lines."""
+        return is_free(self.held.free)
+
     def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
         """Return the `Ways` between two places; None where the path has not two nodes between."""
         since, q, v = self.motion
         at = (before[0] < since) & (since < behind[0])
-        return Ways(since[at], q[at], v[at], before, behind) if np.count_nonzero(at) > 1 else None
+        kind = StraightWays if self.straight else Ways
+        return kind(since[at], q[at], v[at], before, behind) if np.count_nonzero(at) > 1 else None
 
     def draw(
         self,

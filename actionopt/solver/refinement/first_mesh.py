@@ -8,6 +8,7 @@ mesh on which turns are lost, or layers, would have to be refined from nothing.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from actionopt.discrete.meshes.resolution import DEGREES
 from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.question.scales import diagonal, ends_of
 from actionopt.mechanics.system import System
+from actionopt.tools.blas import check_definite
 from actionopt.tools.types import Array
 
 FIRST_TOL = 1e-3  # of paths that are followed on to an energy, a surface or an integral; ad hoc
@@ -68,6 +70,26 @@ def steady_rates(problem: Problem) -> tuple[float, float]:
     second = system.pointwise("second")(*state)
     forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
     return _rates(system, second, forces, problem.duration)
+
+
+def is_free(problem: Problem) -> bool:
+    """Whether nothing pulls a body of constant inertia: its least path is a line, at one velocity.
+
+    Between events that give all coordinates.
+    """
+    system = problem.system
+    structure, second, now = system.structure, system.pointwise("second"), problem.start.t
+    joins = all(len(event.pinned) == system.n for event in (problem.start, problem.end))
+    if not (joins and structure.steady_forces) or structure.forced or any(problem.singular_ends):
+        return False
+    if second.sparsity(0)[0].size or second.sparsity(1)[0].size:
+        return False
+    state = *np.zeros((2, 1, system.n)), np.array([[now]]), problem.packed
+    mass = second.full(2, second(*state)[2], symmetric=True)
+    with suppress(np.linalg.LinAlgError):
+        check_definite(mass)
+        return not system.pointwise("first")(*state)[0].any()
+    return False
 
 
 def elements_of(degree: int, phases: float, tol: float) -> float:
