@@ -256,6 +256,12 @@ class Laws:
         return float(np.sum((np.diff(lower.colind()) + 1) ** 2)) * 6 / (f * (f + 1) * (2 * f + 1))
 
     @Once
+    def quadratic_constraint(self) -> bool:
+        """Whether f is quadratic in q."""
+        bends = self.m > 0 and self._depends("constraint_curvature", 0, (0,))
+        return not bends and is_smooth(self.operations(self.f))
+
+    @Once
     def switches(self) -> Switches | None:
         """Return the branches of L, where they depend on q or v; None where there are none."""
         if not self.structure.samples or STEPPED.isdisjoint(self.structure.operations):

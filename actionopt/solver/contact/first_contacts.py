@@ -50,8 +50,8 @@ NO_ROOM = "no path outside of the obstacle was found: its rows may contradict ea
 
 def straight_line(problem: Problem, mesh: Mesh) -> Path:
     """Return the straight line between events that give all coordinates, at one velocity."""
-    first, last = ends_of(problem)
-    return Path.through(mesh, (first + mesh.nodes_since[:, None] / mesh.duration * (last - first)).T)
+    (first, last), part = ends_of(problem), mesh.nodes_since[:, None] / mesh.duration
+    return Path.through(mesh, (first + part * (last - first)).T)
 
 
 def sideways(problem: Problem, path: Path) -> Array:
@@ -312,11 +312,19 @@ def rows_between(held: Held, path: Path) -> SampledPath:
     return SampledPath(t, q, v, held.rows(q, t))
 
 
+def _is_inside(held: Held, t: Array, rows: Array) -> bool:
+    """Whether one of the obstacle's rows (r, K) at times t (K,) is below zero, and not held."""
+    below = rows < 0
+    if held.arcs and below.any():
+        below &= ~held.active(t)[held.free.system.m :]
+    return bool(below.any())
+
+
 def sample_rows(held: Held, path: Path) -> SampledPath:
     """Return a path between the nodes, also where a row is least among its neighbours.
 
     And where one may be least beside an end of the path or of contact: there f is zero and may
-    fall before it grows.
+    fall before it grows. None of these are told where the path is outside at all of them.
     """
     seen = rows_between(held, path)
     t, rows = seen.t, seen.rows
@@ -330,32 +338,33 @@ def sample_rows(held: Held, path: Path) -> SampledPath:
     row, at = edge.nonzero()
     i = np.concatenate([i, row])
     begin, end = np.concatenate([[t[k], t[k + 2]], [t[at], t[at + 1]]], axis=1)
-    parts, each = [seen], np.arange(i.size)
+    parts, each = [], np.arange(i.size)
     for again in range(CLOSEST_ROUNDS if i.size else 0):
         near = begin[:, None] + (end - begin)[:, None] * CLOSEST
         times = near.ravel()
-        q, v = (x.T for x in path.carried_on(times - held.start.t, 1.0))
-        rows = held.rows(q, times)
+        rows = held.rows(path.at(times - held.start.t).T, times)
         f = rows.reshape(len(rows), *near.shape)[i, each]
         least = f.argmin(axis=1)
         within = (least > 0) & (least < CLOSEST.size - 1)  # at an end it is among the others
         least = np.minimum(np.maximum(least, 1), CLOSEST.size - 2)
-        # Later ones tell the least alone.
-        told = slice(None)
-        if again:
+        if again:  # later ones tell the least alone
             told = ((each * CLOSEST.size + least)[:, None] + [-1, 0, 1]).ravel()
-        parts.append(SampledPath(times[told], q[told], v[told], rows[:, told]))
+            times, rows = times[told], rows[:, told]
+        parts.append((times, rows))
         begin, end = near[each, least - 1], near[each, least + 1]
         rise = np.maximum(f[each, least - 1], f[each, least + 1]) - f[each, least]
         left = within & (f[each, least] < rise)  # else it stays outside
         if not left.any():
             break
         i, begin, end, each = i[left], begin[left], end[left], each[: np.count_nonzero(left)]
-    if len(parts) == 1:
+    if not any([_is_inside(held, *part) for part in parts]):
         return seen
-    times, q, v, rows = zip(*parts, strict=True)
-    t, where = np.unique(np.concatenate(times), return_index=True)
-    q, v, rows = np.concatenate(q), np.concatenate(v), np.concatenate(rows, axis=1)
+    times, rows = zip(*parts, strict=True)
+    between = np.concatenate(times)
+    q, v = (x.T for x in path.carried_on(between - held.start.t, 1.0))
+    t, where = np.unique(np.concatenate([t, between]), return_index=True)
+    q, v = np.concatenate([seen.q, q]), np.concatenate([seen.v, v])
+    rows = np.concatenate([seen.rows, *rows], axis=1)
     return SampledPath(t, q[where], v[where], rows[:, where])
 
 

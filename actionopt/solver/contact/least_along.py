@@ -188,13 +188,16 @@ def _draw_strings(
     if problem.system.n == 1 or problem.system.m or problem.is_course:
         return None
     sizes, free = problem.measures, _free_path(ws, mesh)
-    strings = Strings.round(contacts_of(free.problem), free.path)
+    strings, across = (
+        Strings.round(contacts_of(free.problem), free.path),
+        sideways(problem, free.path),
+    )
     for sign in (1.0, -1.0) if guess is None else (1.0,):
         ws.restart()
         ws.take_up(free)
 
         def side(t: float, sign: float = sign) -> Array:
-            away = sign * sideways(problem, free.path) if guess is None else (guess(t) - free.path(t)) / sizes
+            away = sign * across if guess is None else (guess(t) - free.path(t)) / sizes
             return away / max(float(np.linalg.norm(away)), EPS)
 
         string = strings.draw(side, ws.first_degree(True), ws.free_elements(True))
@@ -262,7 +265,7 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
         if first is None:
             return None
         path = first.path.on(mesh)
-    out = WayOut.of(Held(problem, ()), path)
+    out = WayOut.of(Held(problem, ()), path, straight=first is None)
     if out is None:
         if first is None and _least_linear(ws, mesh) is None:
             return None
@@ -284,6 +287,8 @@ def _round_one_body(ws: Along, tol: float, mesh: Mesh) -> tuple[Along, Status, b
         ws.restart()
         if first is None:
             ws.checked = True  # of such an L nothing can be wrong
+            moves = problem.system.with_contact.structure.depends_on_time
+            ws.convex = out.body.ellipsoid is not None and problem.system.r == 1 and not moves
         else:
             ws.take_up(first)
         status, arcs = refine_contact(ws, tol, string[1], string[0]), ws.contact_problem.arcs or ()

@@ -126,6 +126,9 @@ class Along(Workspace[Iterate]):
     # radians or e-foldings over the whole duration, of what is not in contact: infinite where that
     # is not known
     phases: float = np.inf
+    # Whether the obstacle is one convex body that stays where it is, with paths that are straight
+    # lines elsewhere: where these meet it tangentially they are outside, and it presses.
+    convex: bool = False
     _looked_at: tuple[Iterate, tuple[Array, ...]] | None = None
 
     @property
@@ -441,6 +444,9 @@ class Along(Workspace[Iterate]):
         """
         here, held = self.here, self.contact_problem
         assert held.arcs is not None
+        if self.convex and held.contact_times.size == 2 and self._presses():
+            self.inside = 0.0
+            return None
         t, on, depth, push, unit = self._conditions()
         known = max(here.error if np.isfinite(here.error) else 0.0, here.resolution.worst)
         self.inside = float(depth.max(initial=0.0))
@@ -485,6 +491,14 @@ class Along(Workspace[Iterate]):
             return None
         self.freed = True
         return pressing
+
+    def _presses(self) -> bool:
+        """Whether a row presses at a node by more than round-off."""
+        here, layout = self.here, self.here.tr.layout
+        push = -here.z[layout.unknowns : layout.size] * here.tr.mu_unit
+        units = here.tr.row_units[layout.row_constraint]
+        least = PULLING * here.tr.action_unit / self.contact_problem.duration
+        return bool((push * units > least).any())
 
     def _pulls(self, arc: Arc) -> bool:
         """Whether the impulse of a moment points inwards."""

@@ -13,6 +13,7 @@ end. This is the least path of a free body; of others it tells the parts in cont
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -31,8 +32,8 @@ from actionopt.solver.contact.first_contacts import (
     runs,
     sample_rows,
 )
-from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS, is_free
-from actionopt.tools.blas import solve_each
+from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
+from actionopt.tools.blas import check_definite, solve_each
 from actionopt.tools.cached import cached_property
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array, NDInt
@@ -56,7 +57,7 @@ class Body:
         system, sizes = held.free.system.with_contact, held.measures
         self.packed, self.row, self.t = held.packed, held.free.system.m + row, np.array([[t]])
         self.sizes, self.lam = sizes, np.zeros((1, system.m))
-        self.lam[0, self.row] = 1.0
+        self.lam[0, self.row], self.quadratic = 1.0, system.quadratic_constraint
         self.first = system.pointwise("constraint_jacobian")
         self.second = system.pointwise("constraint_curvature")
         index, there = self.first.entries(0)
@@ -95,11 +96,31 @@ class Body:
             found = found + ahead[np.add.reduce(inside)]
         return np.where(found > ACROSS[-1], np.inf, found)
 
+    @cached_property
+    def ellipsoid(self) -> tuple[Array, Array, float] | None:
+        """What the body is if f is quadratic: (x - c).H (x - c) < k, as H^-1, c and k; else None.
+
+        None also if it is none, such as what is outside of one.
+        """
+        if not self.quadratic:
+            return None
+        f, G, H = (x[0] for x in self.at(np.zeros((1, self.sizes.size))))
+        try:
+            check_definite(H)
+        except np.linalg.LinAlgError:
+            return None
+        inverse = np.linalg.inv(H)
+        centre = -inverse @ G
+        depth = -2 * float(f + centre @ G / 2)
+        return (inverse, centre, depth) if depth > 0 else None
+
     def touching_points(self, x: Array, normals: Array) -> Array | None:
         """Return the points near x at which planes of these normals touch, all (K, n); else None.
 
         None if one of them is not found.
         """
+        if self.ellipsoid is not None:
+            return self._of_ellipsoid(normals)
         count, n = x.shape
         K, mu = np.zeros((count, n + 1, n + 1)), None
         K[:, :n, n] = -normals
@@ -120,6 +141,13 @@ class Body:
                     return x
         return None
 
+    def _of_ellipsoid(self, normals: Array) -> Array:
+        """Return the points at which planes of these normals touch an ellipsoid, all (K, n)."""
+        assert self.ellipsoid is not None
+        inverse, centre, depth = self.ellipsoid
+        ways = normals @ inverse
+        return centre + ways * np.sqrt(depth / dot(normals, ways))[:, None]
+
     def arc_over(self, first: Array, last: Array, side: Array) -> tuple[Array, Array] | None:
         """Return normals and points (K, n) of the body along an arc between two, over its `side`.
 
@@ -132,6 +160,8 @@ class Body:
             count = max(math.ceil(angle_of(a, b) / ANGLE), 1)
             fan.append(between(a, b, np.arange(1, count + 1) / count))
         normals, middle = np.concatenate(fan), (first + last) / 2
+        if self.ellipsoid is not None:
+            return normals, self._of_ellipsoid(normals)
         reach = self.reach(middle, normals)
         if not reach.max() < np.inf:
             return None
@@ -295,9 +325,36 @@ def between(a: Array, b: Array, part: Array | float) -> Array:
     return np.where(angle > 0, turned, b)
 
 
+class Ways(ABC):
+    """How a string comes from one point and goes on to another."""
+
+    @abstractmethod
+    def passing(self, x: Array) -> tuple[Array, Array]:
+        """Return with which velocities it comes to points x and leaves them as fast, (C, n) each.
+
+        To each of x (C, n) when that is so.
+        """
+
+    @abstractmethod
+    def passing_at_one_speed(self, ends: Array, length: float) -> tuple[float, float]:
+        """Return when it comes to the first of two `ends` (2, n), and the speed there.
+
+        It goes a `length` from there to the other at that speed, and leaves it as fast.
+        """
+
+    def beyond(self, normals: Array, x: Array) -> Array:
+        """Return angles (2, C), above zero beyond where it comes to the body first, leaves it last.
+
+        They are those of the ways to and from points x with the planes of normals, both (C, n).
+        """
+        arrival, departure = self.passing(x)
+        ways = np.array([arrival, -departure])
+        return np.arcsin(clip(dot(normals, ways) / np.maximum(size(ways), EPS), -1.0, 1.0))
+
+
 @immutable
-class Ways:
-    """How a string comes from one point and goes on to another: as a path does, but for a drift.
+class Drifts(Ways):
+    """How it does so as a path does, but for a drift.
 
     All motions of a body that falls freely, or is free of forces, are its path and a drift.
     """
@@ -310,10 +367,7 @@ class Ways:
     behind: tuple[float, Array]  # the same at the other end
 
     def passing(self, x: Array) -> tuple[Array, Array]:
-        """Return with which velocities it comes to points x and leaves them as fast, (C, n) each.
-
-        To each of x (C, n) when that is so.
-        """
+        """Return these velocities."""
         t, each = self.times, np.arange(len(x))
         (a, before), (b, behind) = self.before, self.behind
         off = x[:, None] - self.q
@@ -328,10 +382,7 @@ class Ways:
         return arrival, departure
 
     def passing_at_one_speed(self, ends: Array, length: float) -> tuple[float, float]:
-        """Return when it comes to the first of two `ends` (2, n), and the speed there.
-
-        It goes a `length` from there to the other at that speed, and leaves it as fast.
-        """
+        """Return that time and speed."""
         t = self.times
         state = self.q, self.v
         slower, speeds, behind = self._excess(t, state, ends, length)
@@ -369,43 +420,29 @@ class Ways:
         q, v = self.q, self.v
         return q[k] + part * (q[k + 1] - q[k]), v[k] + part * (v[k + 1] - v[k])
 
-    def beyond(self, normals: Array, x: Array) -> Array:
-        """Return angles (2, C), above zero beyond where it comes to the body first, leaves it last.
-
-        They are those of the ways to and from points x with the planes of normals, both (C, n).
-        """
-        arrival, departure = self.passing(x)
-        ways = np.array([arrival, -departure])
-        return np.arcsin(clip(dot(normals, ways) / np.maximum(size(ways), EPS), -1.0, 1.0))
-
 
 @immutable
 class StraightWays(Ways):
     """The same of a body that is free of forces: straight lines, each at one velocity."""
 
-    @cached_property
-    def ends(self) -> tuple[float, Array, float, Array]:
-        """When and where they begin, and end."""
-        since, (q, v), both = self.times[0], (self.q[0], self.v[0]), (self.before, self.behind)
-        return *(x for t, drift in both for x in (t, q + (t - since) * v + drift)),
+    begin: tuple[float, Array]  # when, since the start, and where (n,)
+    end: tuple[float, Array]
 
     def passing(self, x: Array) -> tuple[Array, Array]:
         """Return the velocities of the way to points x, and on from there at the same speed."""
-        a, first, b, last = self.ends
-        come, leave = x - first, last - x
-        lengths = size(come), size(leave)
-        speed = (lengths[0] + lengths[1]) / (b - a)
-        come, leave = (
-            way * (speed / np.maximum(length, EPS))[:, None]
-            for way, length in zip((come, leave), lengths, strict=True)
-        )
-        return come, leave
+        (a, first), (b, last) = self.begin, self.end
+        arrival, departure = x - first, last - x
+        before, behind = size(arrival), size(departure)
+        speed = (before + behind) / (b - a)
+        arrival *= (speed / np.maximum(before, EPS))[:, None]
+        departure *= (speed / np.maximum(behind, EPS))[:, None]
+        return arrival, departure
 
     def passing_at_one_speed(self, ends: Array, length: float) -> tuple[float, float]:
         """Return when the way comes to the first of two `ends`, and the speed on all of it."""
-        a, first, b, last = self.ends
-        before = size(ends[0] - first)
-        speed = (before + length + size(last - ends[1])) / (b - a)
+        (a, first), (b, last) = self.begin, self.end
+        before, behind = size(ends[0] - first), size(last - ends[1])
+        speed = (before + length + behind) / (b - a)
         return float(a + before / max(speed, EPS)), float(speed)
 
 
@@ -427,14 +464,17 @@ class Strings:
     held: Held  # the question
     path: Path
     seen: SampledPath  # along the path
+    straight: bool = False  # whether ways that touch nothing are known to be straight lines
 
     @classmethod
-    def round(cls, held: Held, path: Path, *, seen: bool = False) -> Strings:
+    def round(
+        cls, held: Held, path: Path, *, seen: bool = False, straight: bool = False
+    ) -> Strings:
         """Return those round what a path passes through; what is `seen` is not looked for."""
         known = rows_between(held, path)
         if not seen or np.count_nonzero(known.rows < 0) < SEEN_INSIDE:
             known = sample_rows(held, path)
-        return cls(held, path, known)
+        return cls(held, path, known, straight)
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array]:
@@ -442,17 +482,22 @@ class Strings:
         path, sizes = self.path, self.held.measures
         return path.mesh.nodes_since, path.values.T / sizes, path.node_velocities().T / sizes
 
-    @cached_property
-    def straight(self) -> bool:
-        """Whether ways that touch nothing are straight lines."""
-        return is_free(self.held.free)
+    def at(self, since: Array) -> Array:
+        """Return the path's coordinates (n, K) at times (K,) since the start."""
+        if not self.straight:
+            return self.path.at(since)
+        first, last = self.path.values[:, :1], self.path.values[:, -1:]
+        return first + since / self.path.mesh.duration * (last - first)
 
     def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
         """Return the `Ways` between two places; None where the path has not two nodes between."""
+        if self.straight:
+            times = before[0], behind[0]
+            first, last = self.at(np.array(times)).T / self.held.measures
+            return StraightWays((times[0], first + before[1]), (times[1], last + behind[1]))
         since, q, v = self.motion
         at = (before[0] < since) & (since < behind[0])
-        kind = StraightWays if self.straight else Ways
-        return kind(since[at], q[at], v[at], before, behind) if np.count_nonzero(at) > 1 else None
+        return Drifts(since[at], q[at], v[at], before, behind) if np.count_nonzero(at) > 1 else None
 
     def draw(
         self,
@@ -492,7 +537,7 @@ class Strings:
                 if contact is None or contact.times[-1] >= behind[0]:
                     return None
                 contacts[j], ends = contact, contact.times[[0, -1]]
-                drift = contact.points[[0, -1]] - self.path.at(ends).T / sizes
+                drift = contact.points[[0, -1]] - self.at(ends).T / sizes
                 known[j + 1] = list(zip(ends.tolist(), drift, strict=True))
         times, drift = zip(*[x for each in known for x in each], strict=True)
         if any([b <= a for a, b in pairwise(times)]):
@@ -506,7 +551,7 @@ class Strings:
         part = np.interp(s, times, np.arange(len(times)))
         k = np.minimum(part.astype(int), len(times) - 2)
         away = np.array(drift) * sizes
-        values = self.path.at(s) + (away[k] + (part - k)[:, None] * (away[k + 1] - away[k])).T
+        values = self.at(s) + (away[k] + (part - k)[:, None] * (away[k + 1] - away[k])).T
         for contact in contacts.values():
             at = (contact.times[0] <= s) & (s <= contact.times[-1])
             values[:, at] = contact.at(s[at]).T * sizes[:, None]
@@ -526,9 +571,9 @@ class WayOut:
     normal: Array  # (n,): the body's normal there, in the same units
 
     @classmethod
-    def of(cls, held: Held, path: Path) -> WayOut | None:
+    def of(cls, held: Held, path: Path, *, straight: bool = False) -> WayOut | None:
         """Return the way out from where a path is deepest inside; None where it is outside."""
-        strings = Strings.round(held, path, seen=True)
+        strings = Strings.round(held, path, seen=True, straight=straight)
         t, q, _, rows = strings.seen
         i, k = divmod(int(rows.argmin()), t.size)
         if not rows[i, k] < 0:
