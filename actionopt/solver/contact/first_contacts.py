@@ -56,10 +56,10 @@ def straight_line(problem: Problem, mesh: Mesh) -> Path:
 
 def sideways(problem: Problem, path: Path) -> Array:
     """Return a direction (n,) across a path's way, coordinates in units of `measures`."""
-    return _across((path.values[:, -1] - path.values[:, 0]) / problem.measures)
+    return across((path.values[:, -1] - path.values[:, 0]) / problem.measures)
 
 
-def _across(along: Array) -> Array:
+def across(along: Array) -> Array:
     """Return a direction (n,) across another one, any one if that is zero."""
     side = np.cos(np.arange(1.0, 1.0 + along.size))
     return side - (side @ along) / (along @ along) * along if along.any() else side
@@ -86,7 +86,7 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     bound = [k in (0, last) or bool(e.pinned) for k, e in enumerate(problem.joints_found)]
     joints = tr.joints[bound]  # the others are passed wherever the line is then
     leg = np.minimum(np.searchsorted(joints, np.arange(len(Q)), side="right"), len(joints) - 1) - 1
-    sides = np.array([_across(along) for along in np.diff(Q[joints], axis=0) / sizes])
+    sides = np.array([across(along) for along in np.diff(Q[joints], axis=0) / sizes])
     first, last = mesh.nodes_since[joints[leg]], mesh.nodes_since[joints[leg + 1]]
     part = (mesh.nodes_since - first) / (last - first)
     bow = np.sin(np.pi * part)[:, None] * (sides[leg] * sizes)

@@ -27,6 +27,7 @@ from actionopt.mechanics.question.obstacle import Arc
 from actionopt.solver.contact.first_contacts import (
     ACROSS,
     SampledPath,
+    across,
     cut_part,
     rows_between,
     runs,
@@ -46,6 +47,7 @@ ANGLE_STEPS, LAST_ANGLE = 12, 1e-4
 SPEED_STEPS = 2  # of the secant method, to when a string comes to a body; ad hoc
 FIRST_STRIDE = 8  # steps across a body at once, at first
 SEEN_INSIDE = 3  # places where a path is inside of an obstacle that need not be looked for; ad hoc
+NO_SLOPE = 1e-9  # of the gradient where a path comes in, what may be round-off of it; ad hoc
 PASSES = 5  # over all bodies, where there are several
 LEAST_TURN = 1e-4  # of an angle, that a normal is turned by at least
 
@@ -78,9 +80,13 @@ class Body:
         (G, f), (index, units) = self.first(x * self.sizes, self.t, self.packed), self._slopes
         return f[:, self.row].copy(), G[:, index] * units
 
+    def gradients(self, x: Array) -> Array:
+        """Return the gradients (K, n) at points (K, n)."""
+        return self._first(x)[1]
+
     def normals(self, x: Array) -> Array:
         """Return the normals (K, n) at points (K, n)."""
-        G = self._first(x)[1]
+        G = self.gradients(x)
         return G / np.maximum(size(G), EPS)[:, None]
 
     def reach(self, x: Array, sides: Array) -> Array:
@@ -141,12 +147,18 @@ class Body:
                     return x
         return None
 
-    def _of_ellipsoid(self, normals: Array) -> Array:
-        """Return the points at which planes of these normals touch an ellipsoid, all (K, n)."""
+    def _of_ellipsoid(self, normals: Array) -> Array | None:
+        """Return the points at which planes of these normals touch an ellipsoid, all (K, n).
+
+        None if one of the normals is zero.
+        """
         assert self.ellipsoid is not None
         inverse, centre, depth = self.ellipsoid
         ways = normals @ inverse
-        return centre + ways * np.sqrt(depth / dot(normals, ways))[:, None]
+        squares = dot(normals, ways)
+        if not np.minimum.reduce(squares) > 0:
+            return None
+        return centre + ways * np.sqrt(depth / squares)[:, None]
 
     def arc_over(self, first: Array, last: Array, side: Array) -> tuple[Array, Array] | None:
         """Return normals and points (K, n) of the body along an arc between two, over its `side`.
@@ -160,12 +172,13 @@ class Body:
             count = max(math.ceil(angle_of(a, b) / ANGLE), 1)
             fan.append(between(a, b, np.arange(1, count + 1) / count))
         normals, middle = np.concatenate(fan), (first + last) / 2
-        if self.ellipsoid is not None:
-            return normals, self._of_ellipsoid(normals)
-        reach = self.reach(middle, normals)
-        if not reach.max() < np.inf:
-            return None
-        points = self.touching_points(middle + reach[:, None] * normals, normals)
+        near = normals  # of an ellipsoid the points are known
+        if self.ellipsoid is None:
+            reach = self.reach(middle, normals)
+            if not reach.max() < np.inf:
+                return None
+            near = middle + reach[:, None] * normals
+        points = self.touching_points(near, normals)
         if points is None or (dot(normals[1:], points[1:] - points[:-1]) < -EPS).any():
             return self._arc_from(first, [begin, side, end])
         return normals, points
@@ -190,7 +203,7 @@ class Body:
         normals, points = zip(*found, strict=True)
         return np.array(normals), np.array(points)
 
-    def taut_string(self, chain: tuple[Array, Array], ways: Ways) -> StringPart | None:
+    def taut_string(self, chain: tuple[Array, Array], ways: Meeting) -> StringPart | None:
         """Return where a taut string lies on the body; None if nowhere.
 
         `chain` are normals and points of support around the body. The string lies on it from where
@@ -325,8 +338,8 @@ def between(a: Array, b: Array, part: Array | float) -> Array:
     return np.where(angle > 0, turned, b)
 
 
-class Ways(ABC):
-    """How a string comes from one point and goes on to another."""
+class Meeting(ABC):
+    """How a string comes from one point to a body, and goes on to another point."""
 
     @abstractmethod
     def passing(self, x: Array) -> tuple[Array, Array]:
@@ -353,8 +366,8 @@ class Ways(ABC):
 
 
 @immutable
-class Drifts(Ways):
-    """How it does so as a path does, but for a drift.
+class Ways(Meeting):
+    """How a string comes from one point and goes on to another: as a path does, but for a drift.
 
     All motions of a body that falls freely, or is free of forces, are its path and a drift.
     """
@@ -422,7 +435,7 @@ class Drifts(Ways):
 
 
 @immutable
-class StraightWays(Ways):
+class StraightWays(Meeting):
     """The same of a body that is free of forces: straight lines, each at one velocity."""
 
     begin: tuple[float, Array]  # when, since the start, and where (n,)
@@ -489,15 +502,15 @@ class Strings:
         first, last = self.path.values[:, :1], self.path.values[:, -1:]
         return first + since / self.path.mesh.duration * (last - first)
 
-    def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Ways | None:
-        """Return the `Ways` between two places; None where the path has not two nodes between."""
+    def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Meeting | None:
+        """Return the ways between two places; None where the path has not two nodes between."""
         if self.straight:
             times = before[0], behind[0]
             first, last = self.at(np.array(times)).T / self.held.measures
             return StraightWays((times[0], first + before[1]), (times[1], last + behind[1]))
         since, q, v = self.motion
         at = (before[0] < since) & (since < behind[0])
-        return Drifts(since[at], q[at], v[at], before, behind) if np.count_nonzero(at) > 1 else None
+        return Ways(since[at], q[at], v[at], before, behind) if np.count_nonzero(at) > 1 else None
 
     def draw(
         self,
@@ -568,13 +581,15 @@ class WayOut:
     t: float  # when it is there
     q: Array  # (n,): where, in units of the coordinates' `measures`
     body: Body  # the row that it is inside of
-    normal: Array  # (n,): the body's normal there, in the same units
+    # (n,): the body's normal there, in the same units; any one across the path where it has none,
+    # as in the middle of a ball
+    normal: Array
 
     @classmethod
     def of(cls, held: Held, path: Path, *, straight: bool = False) -> WayOut | None:
         """Return the way out from where a path is deepest inside; None where it is outside."""
         strings = Strings.round(held, path, seen=True, straight=straight)
-        t, q, _, rows = strings.seen
+        t, q, v, rows = strings.seen
         i, k = divmod(int(rows.argmin()), t.size)
         if not rows[i, k] < 0:
             return None
@@ -592,7 +607,11 @@ class WayOut:
             )
         body = Body(held, i, deepest)
         place = place / body.sizes
-        return cls(strings, deepest, place, body, body.normals(place[None])[0])
+        enters = q[max(int((rows[i] < 0).argmax()) - 1, 0)] / body.sizes
+        slope, usual = body.gradients(np.array([place, enters]))
+        if size(slope) < NO_SLOPE * size(usual):
+            slope = across(v[k] / body.sizes)
+        return cls(strings, deepest, place, body, slope / max(float(size(slope)), EPS))
 
     def beside(self, sides: Array) -> tuple[Array, Array] | None:
         """Return a path just inside of the body's nearest edge straight to `sides` (k, n).
