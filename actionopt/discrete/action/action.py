@@ -115,21 +115,7 @@ class Action:
         self.counts: Counter[str] = Counter()
         self.watch: Watch | None = None  # called with each second derivative
         layout, n = self.layout, problem.system.n
-        self.sides = sides(mesh, problem.instants) if problem.instants else None
-        self.times = np.concatenate(
-            [self.element_times(g.elements, mesh.nodes[g.nodes]) for g in layout.groups]
-        )
-        at, beside = layout.unseen
-        if at.size:
-            self.times[at] = self.times[beside]
-        self.half = mesh.lengths / 2
-        self.halves = [self.half[g.elements][:, None, None] for g in layout.groups]
-        weights = [
-            (h[:, 0] * g.rule.weights).ravel()
-            for h, g in zip(self.halves, layout.groups, strict=True)
-        ]
-        weight = np.concatenate(weights)
-        self.weight = weight[:, None]
+        self._measure_times()
         self.rest = rest_action(problem, self.times, self.weight) if self.nodal else 0.0
         self.ends = self._ends()
         # Vectors z are to mean the same on another mesh, over other times.
@@ -150,8 +136,26 @@ class Action:
             self._units() if like is None else (like.action_unit, like.row_units)
         )
         self.gradient_unit = self.x_unit / self.action_unit
-        self.row_weight, self.row_unit = self._row_measures(weight)
+        self.row_weight, self.row_unit = self._row_measures(self.weight[:, 0])
         self.mu_unit = self.action_unit / self.row_unit
+
+    def _measure_times(self) -> None:
+        """Set the times of the evaluations, and their weights."""
+        problem, mesh, layout = self.problem, self.mesh, self.layout
+        self.sides = sides(mesh, problem.instants) if problem.instants else None
+        self.times = np.concatenate(
+            [self.element_times(g.elements, mesh.nodes[g.nodes]) for g in layout.groups]
+        )
+        at, beside = layout.unseen
+        if at.size:
+            self.times[at] = self.times[beside]
+        self.half = mesh.lengths / 2
+        self.halves = [self.half[g.elements][:, None, None] for g in layout.groups]
+        weights = [
+            (h[:, 0] * g.rule.weights).ravel()
+            for h, g in zip(self.halves, layout.groups, strict=True)
+        ]
+        self.weight = np.concatenate(weights)[:, None]
 
     def _row_measures(self, weight: Array) -> tuple[Array, Array]:
         """Return the weights of the rows, and the units of each, by those of evaluations."""
@@ -241,6 +245,23 @@ class Action:
         for name in ("half", "weight", "row_weight", "row_unit"):
             setattr(other, name, getattr(self, name) * factor)
         other.mu_unit = self.mu_unit / factor
+        return other
+
+    def on_elements(self, problem: Problem, mesh: Mesh) -> Self:
+        """Return that of a problem on elements of these degrees that end at other times.
+
+        In the same units; the problem differs in the times at which rows are in force at most.
+        """
+        if self.nodal:
+            return type(self)(problem, mesh, self.lengths, like=self)
+        other = make_unchecked(type(self), **vars(self))
+        other.problem, other.mesh, other.counts, other.watch = problem, mesh, Counter(), None
+        other._point, other._kept, other.unfolded = None, {}, {}
+        for name in ("joint_rates", "between_nodes", "row_times", "probe_momentum"):
+            other.__dict__.pop(name, None)
+        other._measure_times()
+        other.row_weight, other.row_unit = other._row_measures(other.weight[:, 0])
+        other.mu_unit = other.action_unit / other.row_unit
         return other
 
     def with_ends(self, ends: Array) -> Self:

@@ -59,7 +59,7 @@ def with_contact_times(tr: Transcription, moves: Array) -> Transcription:
     now -= held.start.t
     before[-1] = now[-1] = held.duration
     mesh = tr.mesh.with_times(np.interp(tr.mesh.since, before, now))
-    return Transcription(moved, mesh, tr.lengths, like=tr)
+    return tr.on_elements(moved, mesh)
 
 
 class TangencyMatrix:

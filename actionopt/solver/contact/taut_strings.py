@@ -502,6 +502,18 @@ class Strings:
         first, last = self.path.values[:, :1], self.path.values[:, -1:]
         return first + since / self.path.mesh.duration * (last - first)
 
+    @cached_property
+    def _bodies(self) -> dict[int, Body]:
+        return {}
+
+    def body(self, row: int, t: float) -> Body:
+        """Return a row at a time; the same at all times where nothing depends on them."""
+        if self.held.system.structure.depends_on_time:
+            return Body(self.held, row, t)
+        if row not in self._bodies:
+            self._bodies[row] = Body(self.held, row, t)
+        return self._bodies[row]
+
     def ways(self, before: tuple[float, Array], behind: tuple[float, Array]) -> Meeting | None:
         """Return the ways between two places; None where the path has not two nodes between."""
         if self.straight:
@@ -533,7 +545,7 @@ class Strings:
         bodies, chains, known = [], [], [[(0.0, none)]]
         for k, l, i in passed:
             middle = float(seen.t[k] + seen.t[l]) / 2
-            bodies.append(Body(held, i, middle))
+            bodies.append(self.body(i, middle))
             chains.append(bodies[-1].arc_over(*seen.q[[k, l]] / sizes, side(middle)))
             known.append([(middle - start, none)])
         known.append([(duration, none)])
@@ -605,7 +617,7 @@ class WayOut:
                 - before * after / ((b - a) * (c - b)) * q[k]
                 + before * at / ((c - a) * (c - b)) * q[k + 1]
             )
-        body = Body(held, i, deepest)
+        body = strings.body(i, deepest)
         place = place / body.sizes
         enters = q[max(int((rows[i] < 0).argmax()) - 1, 0)] / body.sizes
         slope, usual = body.gradients(np.array([place, enters]))
@@ -623,7 +635,14 @@ class WayOut:
         nearest = int(reach.argmin())
         if not reach[nearest] < np.inf:
             return None
-        there, (since, q, _) = self.q + reach[nearest] * sides[nearest], self.strings.motion
+        there = self.q + reach[nearest] * sides[nearest]
+        if self.strings.straight:
+            duration, ends = self.strings.path.mesh.duration, self.strings.path.values[:, [0, -1]].T
+            first, last = ends / self.body.sizes
+            before, behind = size(there - first), size(last - there)
+            since = np.array([0.0, duration * before / (before + behind), duration])
+            return since, np.array([first, there, last]) * self.body.sizes
+        since, q, _ = self.strings.motion
         # A free body would turn aside there when its way is the shortest.
         away, left = (there - q)[1:-1], since[-1] - since[1:-1]
         k = 1 + (dot(away, away) * (1 / since[1:-1] + 1 / left)).argmin()
