@@ -16,17 +16,20 @@ from actionopt import plot
 from actionopt.analysis.status import Status
 from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.borders.borders import times_of
+from actionopt.discrete.borders.contact_times import with_contact_times
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
+from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.families.searches.obstacle_search import curves
 from actionopt.mechanics.laws.switches import minimum_parts
 from actionopt.mechanics.question.held import Held
 from actionopt.mechanics.question.obstacle import Arc
-from actionopt.solver.contact import first_contacts, least_along
+from actionopt.solver.contact import first_contacts, least_along, obstacle, taut_strings
 from actionopt.solver.contact.first_contacts import _where_zero, other_sides, rows_between
 from actionopt.solver.contact.obstacle import Along
 from actionopt.solver.contact.taut_strings import WayOut, parts_at_zero
 from actionopt.solver.kinds import free_contact
+from actionopt.solver.refinement.first_mesh import is_free
 from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"
@@ -209,6 +212,145 @@ def test_a_path_round_a_disc_begins_on_few_elements_with_its_own_multipliers():
     apart = [np.diff(rows_between(held, line.on(Mesh.uniform(0.0, 1.0, k, 6))).t) for k in (1, 8)]
     assert apart[0].max() <= apart[1].max() * (1 + 1e-9)
     assert apart[0].min() > 1e-6
+
+
+# -- what is known of convex bodies, and of bodies free of forces ----------------------------------
+
+
+def ellipsoid(n):
+    """Return an ellipsoid in n coordinates, turned and off the origin, as f(q)."""
+    rng = np.random.default_rng(n)
+    turn, centre = np.linalg.qr(rng.standard_normal((n, n)))[0], rng.normal(0, 0.1, n)
+    axes = rng.uniform(0.4, 0.9, n)
+    return lambda q: np.sum((turn @ (q - centre) / axes) ** 2) - 1
+
+
+def line_through(n, f):
+    """Return the question past an obstacle from -2 to 2 along the first coordinate, and a line."""
+    ends = np.zeros((2, n))
+    ends[:, 0], ends[:, 1] = (-2.0, 2.0), (0.1, 0.2)
+    problem = ao.Problem(body(f, names=[f"x{k}" for k in range(n)]), *map(ao.Event, (0, 1), ends))
+    return problem, first_contacts.straight_line(problem, Mesh.uniform(0.0, 1.0, 16, 4))
+
+
+@pytest.mark.parametrize("n", [2, 5])
+def test_tangent_planes_touch_an_ellipsoid_where_newtons_method_finds_them(n):
+    problem, line = line_through(n, ellipsoid(n))
+    out = WayOut.of(Held(problem, ()), line)
+    assert out is not None
+    assert out.body.ellipsoid is not None
+    rng = np.random.default_rng(0)
+    normals = rng.standard_normal((20, n))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    points = out.body.touching_points(normals, normals)
+    f, G, _ = out.body.at(points)
+    np.testing.assert_allclose(f, 0.0, atol=1e-12)
+    np.testing.assert_allclose(G / np.linalg.norm(G, axis=1)[:, None], normals, atol=1e-12)
+    out.body.ellipsoid = None
+    near = points + 1e-2 * rng.standard_normal(points.shape)
+    np.testing.assert_allclose(out.body.touching_points(near, normals), points, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "f",
+    [lambda q: 5 - q @ q, lambda q: q @ q + 1, lambda q: q[0] + 3, lambda q: q @ q * (q[0] + 3)],
+)
+def test_what_is_no_ellipsoid_is_not_taken_for_one(f):
+    problem, _ = line_through(2, f)
+    assert taut_strings.Body(Held(problem, ()), 0, 0.0).ellipsoid is None
+
+
+@pytest.mark.parametrize("n", [2, 5])
+def test_a_string_of_straight_lines_is_the_one_between_free_motions(n):
+    problem, line = line_through(n, ellipsoid(n))
+    strings = [WayOut.of(Held(problem, ()), line, straight=x).strings for x in (False, True)]
+    for way in np.eye(n)[1:]:
+        (sampled, (arc,)), (known, (other,)) = (x.draw(lambda _, way=way: way) for x in strings)
+        assert (other.begin, other.end) == pytest.approx((arc.begin, arc.end), abs=1e-5)
+        np.testing.assert_allclose(known.values, sampled.on(known.mesh).values, atol=1e-4)
+
+
+def test_forces_and_open_ends_are_seen_where_straight_lines_are_asked_for():
+    problem, _ = line_through(2, disc(radius=0.5))
+    assert is_free(problem)
+    assert not is_free(problem.replace(end=ao.Event(1.0, [2.0, None])))
+    for L in (
+        lambda q, v, t: v @ v / 2 - q[1],  # falls
+        lambda q, v, t: v @ v / 2 - q @ q,  # swings
+        lambda q, v, t: v @ v / 2 + q[0] * v[1],  # turns
+        lambda q, v, t: v @ v / 2 * (1 + t),  # of an inertia that grows
+        lambda q, v, t: (v[0] ** 2 - v[1] ** 2) / 2,  # whose action is unbounded
+    ):
+        system = ao.System(L, ["x", "y"], obstacle=lambda q, t: q @ q - 0.25)
+        assert not is_free(ao.Problem(system, problem.start, problem.end)), L
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_convex_body_is_pressed_and_not_entered_as_a_look_between_the_nodes_says(n):
+    problem, _ = line_through(n, ellipsoid(n))
+    sol = ao.solve(problem, tol=1e-8)
+    held = Held(sol.problem, sol.contacts)
+    at = DiscretePath.of(held, sol.path, sol.lam.T)
+    _, on, depth, push, unit = obstacle.contact_conditions(at, problem.scales)
+    assert depth.max() < 1e-8
+    assert (push[on] > obstacle.PULLING * unit.max()).all()
+    ws = Along(held, tol=1e-8)
+    ws.transcribe(at.mesh, at.path, sol.lam.T)
+    ws.convex = True
+    assert ws._presses()
+    assert ws.next_contacts(1e-8) is None
+    ws.here = ws.here.moved(np.where(np.arange(at.z.size) < at.x.size, at.z, 0.0))
+    assert not ws._presses()  # then it is looked at
+
+
+def test_an_action_on_moved_elements_is_that_of_a_new_one():
+    problem, _ = line_through(2, ellipsoid(2))
+    sol = ao.solve(problem, tol=1e-8)
+    held = Held(problem, sol.contacts)
+    tr = Transcription(held, sol.mesh, np.array([2.0, 0.5]))
+    z = np.random.default_rng(0).standard_normal(tr.layout.size)
+    before = tr.residual(z), tr.kkt(z)
+    moved = with_contact_times(tr, np.array([0.01, -0.02]))
+    new = Transcription(moved.problem, moved.mesh, tr.lengths, like=tr)
+    assert moved.problem.contact_times == pytest.approx(held.contact_times + [0.01, -0.02])
+    for found, known in (
+        ((moved.residual(z), moved.kkt(z)), (new.residual(z), new.kkt(z))),
+        ((tr.residual(z), tr.kkt(z)), before),  # the first one is as it was
+    ):
+        for x, y in zip(found, known, strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_line_through_the_middle_of_a_ball_turns_aside_across_it(n):
+    ends = np.zeros((2, n))
+    ends[:, 0], ends[:, -1] = (-1.0, 1.0), (0.1, -0.1)
+    names = [f"x{k}" for k in range(n)]
+    problem = ao.Problem(
+        body(lambda q: q @ q - 0.25, names=names), *map(ao.Event, (0.0, 1.0), ends)
+    )
+    line = first_contacts.straight_line(problem, Mesh.uniform(0.0, 1.0, 16, 4))
+    out = WayOut.of(Held(problem, ()), line, straight=True)
+    assert out is not None
+    assert abs(out.normal * problem.measures @ (ends[1] - ends[0])) < 1e-9 or n > 2
+    assert abs(out.normal @ (ends[1] - ends[0]) / problem.measures.max()) < 0.5
+    assert np.linalg.norm(out.normal) == pytest.approx(1.0)
+    _, (arc,) = out.strings.draw(lambda _: out.normal)
+    length = 2 * np.sqrt(1.01 - 0.25) + (np.pi - 2 * np.arccos(0.5 / np.sqrt(1.01))) / 2
+    assert arc.begin == pytest.approx(np.sqrt(0.76) / length, abs=1e-5)
+
+
+def test_a_path_is_told_between_what_is_least_only_where_it_is_inside():
+    problem, line = line_through(2, disc(y=-0.8))
+    outside, _ = line_through(2, disc(y=-0.8, radius=0.9))
+    held = Held(problem, ())
+    seen, told = rows_between(held, line), first_contacts.sample_rows(held, line)
+    assert told.t.size > seen.t.size
+    assert (np.diff(told.t) > 0).all()
+    np.testing.assert_allclose(told.q, line(told.t).T, atol=1e-12)
+    np.testing.assert_allclose(told.v, line.velocity(told.t).T, atol=1e-9)
+    same = first_contacts.sample_rows(Held(outside, ()), line)
+    assert same.t.size == seen.t.size
 
 
 @pytest.mark.parametrize("f", [[-1.0, -1.0, 1.0, 2.0], [-2.0, -1.0, 1.0, 1.0]])
