@@ -1102,7 +1102,7 @@ def test_first_lines_pass_a_disc_on_either_side():
     one = Problem(System(lambda q, v, t: v[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0]),
                   Event(0.0, [1.0]), Event(1.0, [1.0]))  # fmt: skip
     assert first_contacts.lines(one, Mesh.uniform(0.0, 1.0, 2, 2)) == [None]
-    assert first_contacts._across(np.zeros(2)).any()
+    assert first_contacts.across(np.zeros(2)).any()
 
 
 def test_how_far_a_matrix_has_to_be_shifted(monkeypatch):
