@@ -387,7 +387,9 @@ class Slips:
         self._q, self._t = q, t = point.at[i], tr.times[i]
         jacobian = system.pointwise("constraint_jacobian")
         normals = jacobian.full(0, jacobian(q, t, packed)[0])
-        rate = system.pointwise("constraint_rate")(q, t, packed)[0]
+        rate = np.zeros((i.size, m))
+        if system.structure.depends_on_time:
+            rate = system.pointwise("constraint_rate")(q, t, packed)[0]
         b, each = tr.mesh.boundaries, np.arange(i.size)
         on = held.active((b[self._element] + b[self._element + 1]) / 2).T
         G = np.where(on[:, :, None], normals, 0.0)
@@ -395,10 +397,12 @@ class Slips:
         self._K[:, n:, :n], self._K[:, :n, n:] = G, -G.transpose(0, 2, 1)
         self._K[:, range(n, n + m), range(n, n + m)] = ~on  # no multipliers of the others
         first, second = system.pointwise("first"), system.pointwise("second")
-        for _ in range(1 if system.structure.constant_mass else VELOCITY_STEPS):
-            mass = second(q, v, t, packed)[2]
+        steady = system.structure.steady_forces
+        for k in range(1 if system.structure.constant_mass else VELOCITY_STEPS):
+            mass = tr.second(at.x)[2][i] if steady else second(q, v, t, packed)[2]
             self._K[:, :n, :n] = second.full(2, mass, symmetric=True)
-            short = p - first(q, v, t, packed)[1]
+            # Of the polynomial's velocity they are known.
+            short = p - (first(q, v, t, packed)[1] if k else tr.first(at.x)[1][i])
             off = -on.astype(float) * rate - (G @ v[:, :, None])[:, :, 0]
             found = solve_each(self._K, np.concatenate([short, off], axis=1))
             v, self._lam = v + found[:, :n], found[:, n:]
@@ -440,19 +444,15 @@ class Slips:
                 continue
             each, node = np.arange(mine.size), self._node[mine]
             at = self._begin[mine, None] + np.arange(g.rule.degree + 1)
-            A, B, C = [
-                pointwise.full(k, x[at.ravel()], symmetric=k != 1).reshape(*at.shape, n, n)
-                for k, x in enumerate(second)
-            ]
-            along = by_p[mine, None, :, None]
+            along, own = by_p[mine], (each, node)
+            A, B, C = (x[at.ravel()] for x in second)
             by_v = g.rule.derivative.T[node] * (2 / tr.mesh.lengths[self._element[mine], None])
-            force, p = (
-                by_v[:, :, None] * (B @ along)[..., 0],
-                by_v[:, :, None] * (C @ along)[..., 0],
-            )
-            own, along = (each, node), along[:, 0]
-            force[own] += (A[own] @ along)[..., 0]
-            p[own] += (B[own].transpose(0, 2, 1) @ along)[..., 0]
+            moved = (by_v[:, :, None] * along[:, None]).reshape(-1, n)
+            force = pointwise.product(1, B, moved).reshape(*at.shape, n)
+            p = pointwise.product(2, C, moved, symmetric=True).reshape(*at.shape, n)
+            here = each * at.shape[1] + node
+            force[own] += pointwise.product(0, A[here], along, symmetric=True)
+            p[own] += pointwise.product(1, B[here], along, transposed=True)
             gradient = tr.weight[at] * force + g.rule.weighted_derivative.T @ p
             gradient[own] += by_q[mine]
             found[mine] = _at_unknowns(tr, layout.number[layout.node_of[at]], gradient)
