@@ -30,7 +30,7 @@ from actionopt.families.sweeps.retry import retry_of
 from actionopt.mechanics.laws import written as written_laws
 from actionopt.mechanics.question.obstacle import Arc, put_on_obstacle
 from actionopt.solver.contact import first_contacts, touching
-from actionopt.solver.contact.taut_strings import Ways
+from actionopt.solver.contact.taut_strings import StraightWays, Ways
 from actionopt.solver.contact.touching import _part_moments
 from actionopt.solver.ends import closed, durations, window
 from actionopt.solver.input import arguments, preflight
@@ -208,14 +208,17 @@ def test_a_path_that_a_fold_led_to_is_not_followed_back(monkeypatch):
 # -- points and times that first paths go through --------------------------------------------------
 
 
+@pytest.mark.parametrize("straight", [False, True])
 @pytest.mark.parametrize("length", [0.0, 0.7])
-def test_a_string_between_free_motions_is_met_at_one_speed(length):
+def test_a_string_between_free_motions_is_met_at_one_speed(length, straight):
     A, B, x, y = (np.array(z) for z in ([0.0, 0.0], [3.0, 0.0], [1.0, 1.0], [1.5, 0.8]))
     if not length:
         y = x
     t = np.linspace(0.0, 2.0, 2001)[1:-1]
     v = np.tile((B - A) / 2.0, (t.size, 1))
     ways = Ways(t, A + v * t[:, None], v, (0.0, np.zeros(2)), (2.0, np.zeros(2)))
+    if straight:
+        ways = StraightWays((0.0, A), (2.0, B))
     when, speed = ways.passing_at_one_speed(np.array([x, y]), length)
     first, last = np.linalg.norm(x - A), np.linalg.norm(B - y)
     assert speed == pytest.approx((first + length + last) / 2.0, abs=1e-4)
