@@ -62,10 +62,9 @@ class MatrixLayout:
 
     @cached_property
     def small(self) -> bool:
-        """Whether one full matrix is best to solve with."""
-        if self.partial and self.system.order == 1:
-            return self.size <= HELD_SIZE[self.storage]
-        return self.storage == "blocks" and self.size <= FULL_SIZE
+        """Whether the blocks are best put together in one full matrix to solve with."""
+        held = self.partial and self.system.order == 1
+        return self.storage == "blocks" and self.size <= (HELD_SIZE if held else FULL_SIZE)
 
     @cached_property
     def uses_condensation(self) -> bool:
@@ -518,10 +517,10 @@ class _Solvers(threading.local):
 BLOCK_SIZE, FILLED = 60, 0.2
 # Share of the places of a node that couple it to others, below which they alone are kept; ad hoc.
 FEW_ACROSS = 0.1
-# Unknowns and rows up to which one full matrix takes less time than the other storages, of a path
-# held by an obstacle. Measured, factors, six solutions and signs: of 79 sparse .15 ms against .5,
-# of 128 in blocks .4 against 1.7, of 172 .5 against 1.6.
-HELD_SIZE = {"sparse": 100, "blocks": 200}
+# Unknowns and rows up to which one full matrix takes less time than blocks, of a path held by an
+# obstacle. Measured, factors, six solutions and signs: of 128 .4 ms against 1.7, of 172 .5 against
+# 1.6.
+HELD_SIZE = 200
 # Coordinates and constraints up to which sparse factors take less time than blocks, if there are to
 # be many, or rows that are not in force, or the path closes. Measured: a driven oscillator of two
 # and contact in two coordinates take 12 % more in blocks, of five as much, of twelve 0.4 to 0.9.

@@ -47,7 +47,7 @@ ANGLE_STEPS, LAST_ANGLE = 12, 1e-4
 SPEED_STEPS = 2  # of the secant method, to when a string comes to a body; ad hoc
 FIRST_STRIDE = 8  # steps across a body at once, at first
 SEEN_INSIDE = 3  # places where a path is inside of an obstacle that need not be looked for; ad hoc
-NO_SLOPE = 1e-9  # of the gradient where a path comes in, what may be round-off of it; ad hoc
+NO_NORMAL = 1e-9  # of the gradient where a path comes in, what may be round-off of it; ad hoc
 PASSES = 5  # over all bodies, where there are several
 LEAST_TURN = 1e-4  # of an angle, that a normal is turned by at least
 
@@ -621,7 +621,7 @@ class WayOut:
         place = place / body.sizes
         enters = q[max(int((rows[i] < 0).argmax()) - 1, 0)] / body.sizes
         slope, usual = body.gradients(np.array([place, enters]))
-        if size(slope) < NO_SLOPE * size(usual):
+        if size(slope) < NO_NORMAL * size(usual):
             slope = across(v[k] / body.sizes)
         return cls(strings, deepest, place, body, slope / max(float(size(slope)), EPS))
 
