@@ -283,6 +283,25 @@ def test_roots_along_a_branch(function, root):
     assert found.s == pytest.approx(root, abs=1e-11)
 
 
+def test_a_root_that_no_few_steps_lead_to_is_not_located(monkeypatch):
+    monkeypatch.setattr(sys.modules[locate.__module__], "LOCATE_STEPS", 20)
+    line, there = Line(), BranchPoint(None, np.ones(1), 1.0, np.ones(2))
+    # Its values tell nothing but on which side the root is: 27 bisections lead to it.
+    assert locate(line, line.here, there, lambda p: np.sign(p.s - 0.3)) is None
+
+
+def test_a_period_that_doubles_where_no_step_leads_asks_for_a_shorter_step(monkeypatch):
+    monkeypatch.setattr(sys.modules[trace.__module__], "locate", lambda *given: None)
+    system = systems.oscillator()
+    T = np.array([3.0, 3.3])  # det(M + 1) = 2 + 2 cos T is positive: its sign is made to change
+    monkeypatch.setattr(_TraceRun, "_doubling", lambda self, point: point.s - T.mean())
+    problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(T[0]))
+    run = _TraceRun(lambda t: problem.replace(end=ao.Periodic(t)), T[0], 4.0, 1e-8, True)
+    run.begin(ao.solve(problem))
+    there = run.branch.to(run.here, T[1])
+    assert run._marks(run.here, there, run.points[-1].index) is None
+
+
 def test_a_step_is_no_longer_than_the_branch_is_straight():
     """What it turns by tells how far its tangent leads astray: farther away is another branch."""
     near = ao.solve(systems.bratu(3.3))

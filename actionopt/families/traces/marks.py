@@ -122,7 +122,7 @@ def locate(
     """Return the point between two ones at which `function` vanishes.
 
     By inverse interpolation, each point from where the cubic between those beside it leads. None
-    where no steps lead to it.
+    where no steps lead to it, or not as many as `LOCATE_STEPS`.
     """
     chord = np.r_[there.z - here.z, there.s - here.s]
     length = branch.inner(here.tr, chord, here.direction)
@@ -145,6 +145,8 @@ def locate(
         trial = StepTrial(length, taken[0], float(function(taken[0])))
         low, high = (low, trial) if trial.value * high.value > 0 else (trial, high)
         tried.append(trial)
+    else:
+        return None
     y = np.r_[near.point.z, near.point.s] + left * _tangent(branch, here, near)
     s = float(y[-1])
     return BranchPoint(branch.at(s), y[:-1], s, near.point.direction)
@@ -156,7 +158,8 @@ def _zero(tried: list[StepTrial]) -> float:
     others = ~np.eye(values.size, dtype=bool)
     with np.errstate(all="ignore"):  # where two values are the same
         parts = values / (values - values[:, None])
-    return float(np.prod(parts, axis=1, where=others) @ [trial.length for trial in tried])
+        weights = np.prod(parts, axis=1, where=others)
+        return float(weights @ [trial.length for trial in tried])
 
 
 def _tangent(branch: Branch, here: BranchPoint, trial: StepTrial) -> Array:

@@ -633,6 +633,8 @@ class _TraceRun:
         has_multipliers = self.counting and problem.closes and not problem.system.m
         if has_multipliers and self._doubling(here) * self._doubling(there) < 0:
             found = locate(self.branch, here, there, self._doubling)
+            if found is None and not short:
+                return None
             marks.append(self._mark("period doubling", found or there, before, after))
         return marks
 
