@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import systems
 from helpers import same_bits
+from scipy.linalg import null_space
 
 from actionopt import solve
 from actionopt.discrete.action.transcription import Transcription
@@ -143,6 +144,21 @@ def test_solutions_with_a_matrix_near_another_are_its_own(stored):
         assert np.allclose(found, np.linalg.solve(other, right), rtol=1e-8, atol=1e-9)
         refactored = "_direct" in vars(factors)
         assert layout.small or refactored == (far == 3.0)
+
+
+@pytest.mark.quick("blocks", "kept")
+def test_signs_are_told_by_a_matrix_near_another_only_if_none_is_between(stored):
+    layout, nonzeros, dense = matrix_of("sphere", stored)
+    known, cut = Factors(layout, nonzeros), layout.unknowns
+    allowed = null_space(dense[cut:, :cut])
+    least = np.linalg.eigvalsh(allowed.T @ dense[:cut, :cut] @ allowed)[0]
+    assert least > 0
+    for part in (0.01, 1.01):
+        shift = np.r_[np.full(cut, -part * least), np.zeros(layout.size - cut)]
+        factors = known.near(nonzeros + diagonal(layout, shift))
+        assert factors.negative_pivots() == layout.rows + (part > 1)
+        if layout.keeps_factors:
+            assert ("_regular" in vars(factors)) == (part > 1)
 
 
 @pytest.mark.parametrize("kind", KINDS)

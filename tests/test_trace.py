@@ -1,7 +1,9 @@
 """Families of paths against closed forms: through folds, past conjugate points."""
 
+import gc
 import sys
 from types import SimpleNamespace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -242,9 +244,49 @@ def test_branches_that_miss_each_other_have_no_mark():
     far = branch.to(branch.first(asked.discrete.z, 2.9, 1.0), 3.4)
     assert far is not None
     sides = (asked.discrete.z, 2.9), (far.z, 3.4)
+    before = branch.solves
     assert branch_points(branch, sides[0], sides[1], 2, 1e-5) is None
+    assert branch.solves == before + 3  # the first step of each tells it
     found = branch_points(branch, sides[0], sides[1], 2, 1.0)
     assert found is not None and [p.s for p in found] == pytest.approx([np.pi] * 2)
+
+
+@pytest.fixture
+def kept(monkeypatch):
+    """Have sparse factors of any size, and kept."""
+    layout = "actionopt.discrete.matrices.layout."
+    for name, value in (("BLOCK_SIZE", 0), ("FILLED", 1.0), ("KEPT_SIZE", 0)):
+        monkeypatch.setattr(layout + name, value)
+
+
+@pytest.fixture
+def chain():
+    """A hanging chain that is traced by its gravity."""
+    scene = scenes.get("chain", links=3, l=1 / 3, amplitude=0.1)
+    return ao.solve(scene.problem, guess=scene.guess)
+
+
+def test_a_point_with_large_factors_takes_one_of_them(kept, chain):
+    found = trace(chain.problem, "g", 11.0, guess=chain)
+    assert found.stats["factorizations"] <= 1.5 * len(found.values)
+    other = ao.solve(chain.problem.replace(parameters={"g": 11.0}), guess=found.paths[-1])
+    assert other.action == pytest.approx(found.actions[-1], rel=1e-10)
+    assert np.abs(other(found.paths[-1].mesh.nodes) - found.paths[-1].values).max() < 1e-8
+
+
+def test_what_meshes_left_behind_took_is_free(kept, chain, monkeypatch):
+    """At once, not when circles of objects are looked for."""
+    module, left = sys.modules[trace.__module__], []
+    forget = module.forget
+    monkeypatch.setattr(module, "forget", lambda layout: left.append(ref(layout)) or forget(layout))
+    gc.disable()
+    try:
+        found = trace(chain.problem, "g", 60.0, guess=chain)
+    finally:
+        gc.enable()
+    assert found.stats["meshes"] > 2 and len(left) == found.stats["meshes"] - 2
+    assert all(layout() is None for layout in left)
+    assert chain.discrete.tr.layout in chain.problem.system.layouts.values()
 
 
 class Line:

@@ -48,11 +48,16 @@ STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): sho
 # How far a branch that turns evenly by this angle is from its tangent, in parts of the step:
 # farther away another branch may be found. Derived.
 BEND = 0.5 * math.acos(STRAIGHT_STEP)
-# How far on a matrix serves for the last corrections and the direction of a branch. Near a
+# How far on a matrix serves for the last correction and the direction of a branch. Near a
 # collision that turns by thousands of times this. Measured on eight branches of Kepler's
 # transfers: at 1e-3 five are lost, at 1e-5 and 1e-6 none.
 SAME_MATRIX = 1e-6
-LINEAR_LEFT = 1e-6  # of a right side, what a correction leaves: the next one takes it. Ad hoc
+# Corrections by a matrix that was factorized before them, as far as they contract: each takes a
+# tenth to a third of a factorization. Ad hoc.
+SAME_CORRECTIONS = 3
+# Of a right side, what the last correction and the direction leave, and what other corrections do:
+# the next one takes it. Ad hoc.
+LINEAR_LEFT, ROUGHLY_LEFT = 1e-6, 1e-3
 RUNAWAY_SIZE = 1e4  # coordinates this many times their size are no path worth following
 
 Discrete = Transcription | Bordered | ContactEquations
@@ -83,14 +88,20 @@ class BranchPoint:
         """The path there."""
         return self.at.path
 
+    def without_factors(self) -> BranchPoint:
+        """Return the point without its factors, which take as much memory as all else."""
+        point = replace(self, factors=None)
+        vars(point)["at"] = self.at
+        return point
+
 
 class _Corrected(NamedTuple):
-    """Where Newton's method leads: (z, s), equations, corrections, and factors from near there."""
+    """Where Newton's method leads: (z, s), equations and factorizations."""
 
     y: Array
     tr: Discrete
     count: int
-    factors: Factors
+    factors: Factors  # from no farther than `SAME_MATRIX`
 
 
 def switches_of(problem: Problem) -> tuple[Instant, ...]:
@@ -192,7 +203,7 @@ class Branch:
     def step(
         self, point: BranchPoint, length: float, first: Array | None = None
     ) -> tuple[BranchPoint, int] | None:
-        """Return the point at about `length` further along and the corrections it took, or None.
+        """Return the point at about `length` further along and the factorizations, or None.
 
         From a `first` (z, s) if there is one, else from the tangent.
         """
@@ -219,29 +230,61 @@ class Branch:
     def _correct(self, y: Array, row: Array, most: int, first: float) -> _Corrected | None:
         """Return the point (z, s) across a row (size + 1,) to which Newton's method leads.
 
-        None if that takes more than `most` steps, a longer first one, or does not contract.
+        None if that takes more than `most` factorizations, a longer first correction, or does not
+        contract. A matrix serves for more corrections as long as few of them are left; the last one
+        is by the matrix at the point.
         """
-        last, tr, factors = 2 * first, self.at(float(y[-1])), None
+        last, tr, factors, count, away = 2 * first, self.at(float(y[-1])), None, 0, 0.0
         with np.errstate(all="ignore"):
-            for k in range(1, most + 1):
+            for k in range(1, most + SAME_CORRECTIONS):
                 residual = tr.residual(y[:-1])
                 try:
-                    if factors is None or last > SAME_MATRIX:
+                    change, size = self._change(tr, factors, residual)
+                    few = size * (size / last) ** SAME_CORRECTIONS < LAST_CORRECTION
+                    if factors is None or not (few or away <= SAME_MATRIX):
+                        if count == most:
+                            return None
                         factors = self._factorize(tr, y, row, residual)
-                    change = factors.solve(np.r_[residual, 0.0], LINEAR_LEFT)
+                        count, away = count + 1, 0.0
+                        change, size = self._change(tr, factors, residual)
                 except np.linalg.LinAlgError:
                     return None
-                size = self._size(tr, change)
                 if not np.isfinite(size) or size > max(0.5 * last, LAST_CORRECTION):
                     return None
-                # The next one is smaller by as much at least, and counts though it is not taken.
-                spare = k > 1 and size < SAME_MATRIX and size * (size / last) < LAST_CORRECTION
-                y, last = y - change, size
-                if spare or size < LAST_CORRECTION:
-                    return _Corrected(y, tr, k + (size >= LAST_CORRECTION), factors)
+                # The next one is smaller by as much at least.
+                left = size * (size / last) if k > 1 else size
+                y, last, away = y - change, size, away + size
+                if away <= SAME_MATRIX and left < LAST_CORRECTION:
+                    return _Corrected(y, tr, count, factors)
                 if row[:-1].any():  # else s is given
                     tr = self.at(float(y[-1]))
+                if away > SAME_MATRIX and left < SAME_MATRIX:
+                    return self._end(tr, y, row, _Corrected(y, tr, count, factors))
         return None
+
+    def _change(
+        self, tr: Discrete, factors: Factors | None, residual: Array, enough: float = ROUGHLY_LEFT
+    ) -> tuple[Array, float]:
+        """Return the correction by a matrix, and its length; infinite where there is none yet."""
+        if factors is None:
+            return np.zeros(0), np.inf
+        change = factors.solve(np.r_[residual, 0.0], enough)
+        return change, self._size(tr, change)
+
+    def _end(self, tr: Discrete, y: Array, row: Array, found: _Corrected) -> _Corrected | None:
+        """Return the point by one more correction, that is by the matrix there; None if it fails.
+
+        Solutions with a large one are refined from those of the matrix nearby.
+        """
+        near, residual = found.factors.within, tr.residual(y[:-1])
+        if near is not None and not near.layout.keeps_factors:
+            near = None
+        try:
+            factors = self._factorize(tr, y, row, residual, near)
+            change, size = self._change(tr, factors, residual, LINEAR_LEFT)
+        except np.linalg.LinAlgError:
+            return None
+        return _Corrected(y - change, tr, found.count, factors) if size < SAME_MATRIX else None
 
     def _size(self, tr: Discrete, change: Array) -> float:
         """Return the length of a correction, or how far a time moves if that is more."""
@@ -282,7 +325,7 @@ class Branch:
         try:
             if factors is None:
                 factors = self._factorize(point.tr, y, point.direction, point.tr.residual(point.z))
-            found = factors.solve(np.r_[np.zeros(point.z.size), 1.0])
+            found = factors.solve(np.r_[np.zeros(point.z.size), 1.0], LINEAR_LEFT)
         except np.linalg.LinAlgError:
             return point.direction
         if not np.all(np.isfinite(found)):
@@ -313,13 +356,18 @@ class Branch:
         (a, before), (b, after) = known[-2:]
         return (after - before) / (b - a)
 
-    def _factorize(self, tr: Discrete, y: Array, row: Array, residual: Array) -> Factors:
+    def _factorize(
+        self, tr: Discrete, y: Array, row: Array, residual: Array, near: Factors | None = None
+    ) -> Factors:
         """Factorize the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch.
 
-        Raises numpy.linalg.LinAlgError if it is singular.
+        Or have its solutions refined from those of a matrix `near` it, if that is known. Raises
+        numpy.linalg.LinAlgError if it is singular.
         """
-        self.solves += 1
+        self.solves += near is None
         z, cut, slope = y[:-1], tr.layout.unknowns, self._slope(tr, y, residual)
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
         edges = slope[:, None], last[None, :-1], last[-1:, None]
-        return Factors(tr.layout, tr.kkt(z), many=True).with_border(*edges)
+        K = tr.kkt(z)
+        inner = Factors(tr.layout, K, many=True) if near is None else near.near(K)
+        return inner.with_border(*edges)

@@ -266,6 +266,10 @@ class Layout(MatrixLayout, Numbering):
             self._bordered[border] = BorderedLayout(self, border)
         return self._bordered[border]
 
+    def release(self) -> None:
+        """Leave what refers back to this: else its memory waits for a search for circles."""
+        self._bordered.clear()
+
     def _number_rows(self, in_force: NDArray[np.bool_] | None) -> None:
         """Give the constraint rows their numbers, node by node."""
         self.G_rows, self.G_cols = self.system.pointwise("constraint_jacobian").sparsity(0)
@@ -613,3 +617,12 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
         while len(known) > LAYOUTS_KEPT:
             del known[next(iter(known))]
     return layout
+
+
+def forget(layout: Layout) -> None:
+    """Keep a layout no longer for other problems of its system."""
+    with layout.system.lock:
+        known = layout.system.layouts
+        for key in [key for key, other in known.items() if other is layout]:
+            del known[key]
+    layout.release()

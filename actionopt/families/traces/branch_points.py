@@ -119,10 +119,13 @@ def _locate(
         size = branch.norm(tr, change) + at.correction
         if not abs(part) < 1 or not np.isfinite(size):
             return None
+        # Amplitude times arclength is constant along branches that miss each other, hyperbolas.
+        off = np.r_[at.null @ np.linalg.solve(at.by_au, at.beta), 0.0]
+        reach = branch.norm(tr, chord)
+        apart = branch.norm(tr, off) * reach
+        if apart * (1 - size / reach) > gap:  # it changes by such parts
+            return None
         if size < SETTLED_POINT:
-            # Amplitude times arclength is constant along branches that miss each other, hyperbolas.
-            off = np.r_[at.null @ np.linalg.solve(at.by_au, at.beta), 0.0]
-            apart = branch.norm(tr, off) * branch.norm(tr, chord)
             is_met = abs(part) <= 0.5 and apart <= gap
             return BranchPoint(tr, y[:-1], float(y[-1]), at.along) if is_met else None
     return None

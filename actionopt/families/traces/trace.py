@@ -17,10 +17,10 @@ import numpy as np
 
 from actionopt.analysis.quadratic.assembled import assemble
 from actionopt.analysis.quadratic.index import (
-    NEAR_ZERO,
     inertia_beside,
     inertia_of,
     inertia_through,
+    tolerance_of,
 )
 from actionopt.analysis.quadratic.jacobi import finer, resolve
 from actionopt.analysis.quadratic.regular import index_on_mesh, regular_index
@@ -33,6 +33,7 @@ from actionopt.discrete.between_nodes.energy_balance import Imbalance
 from actionopt.discrete.borders.arclength import STRAIGHT_STEP, Branch, BranchPoint, Discrete
 from actionopt.discrete.borders.bordered import Bordered
 from actionopt.discrete.matrices.factors import Factors
+from actionopt.discrete.matrices.layout import forget
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
 from actionopt.discrete.newton.discrete_path import DiscretePath
@@ -51,6 +52,7 @@ from actionopt.solver.refinement.refine import ROUNDS, split
 from actionopt.solver.solve import Guess, solve
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import flag, number, whole
+from actionopt.tools.memory import give_back
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import Progress, TimeUp, check_progress, check_time, time_limit
 
@@ -255,7 +257,7 @@ class _TraceRun:
     sizes: Array = field(init=False)
     pole_size: float = field(init=False)
     stopped: str = ""
-    drifts: tuple[BranchPoint | None, bool] = (None, False)  # of which point it is known, and what
+    drifts: tuple[DiscretePath | None, bool] = (None, False)  # of which path it is known, and what
     refused: str = ""  # what is wrong with the question a step ahead
     # Points since the index was counted with all that tells it, and what the mesh told there; None
     # where it told another one.
@@ -285,6 +287,9 @@ class _TraceRun:
         if finer is not None:
             mesh, lengths = finer
             path, rows = path.on(mesh), at.rows_on(mesh)
+            if self.meshes > 2 and mesh is not at.mesh:  # who asked may ask for the first one again
+                forget(at.tr.layout)
+            give_back()
         ahead = s, self.goal - self.origin, float(np.sign(way))
         self.branch, first = Branch.begin(self.family, at.problem, path, rows, lengths, ahead)
         if finer is None:
@@ -294,7 +299,7 @@ class _TraceRun:
             self._append(first, self.points.pop().index)
 
     def _append(self, point: BranchPoint, index: int) -> None:
-        self.here = point
+        self.here = point.without_factors()
         self.points.append(_Passed(point.s, point.at.action, index, point.path))
 
     def end(self, why: str) -> None:
@@ -326,7 +331,7 @@ class _TraceRun:
                 return FIRST_STEP
             why = self.refused or "the paths end or run away"
             return self._halve(length, SHORTEST_STEP, f"no step, however short, led on: {why}")
-        there, corrections = taken
+        (there, factorized), taken = taken, None  # lest it keeps factors
         beyond = self._beyond(there.s)
         if beyond is not None:
             last = self.branch.to(there, beyond) or self.branch.to(here, beyond)
@@ -344,12 +349,15 @@ class _TraceRun:
             if beyond is not None:
                 self.stopped = f"it reached {self._names()[beyond]}"
             return length
+        counted = self.counted
         index = self._index(there, last=beyond is not None)
         marks = self._marks(here, there, index)
         if marks is None:
+            self.counted = counted
             return length / 2
         self.marks += marks
         self._append(there, index)
+        there = self.here
         report()
         if beyond is not None:
             if self._misses(there) or self._drifts(there) or self._is_cut_off(there):
@@ -365,7 +373,7 @@ class _TraceRun:
             )
             return length
         self._refine()
-        return min(1.5 * length, LONGEST_STEP) if corrections <= 3 else length
+        return min(1.5 * length, LONGEST_STEP) if factorized <= 1 else length
 
     def _halve(self, length: float, shortest: float, why: str) -> float:
         """Return half a length; end the trace, and say `why`, where that is below `shortest`."""
@@ -394,7 +402,7 @@ class _TraceRun:
         return there.s + left if near and abs(ahead - there.s) > 2 * abs(left) else None
 
     def _try(self, here: BranchPoint, length: float) -> tuple[BranchPoint, int] | None:
-        """Return the point a step ahead and the corrections it took; None if it was too long."""
+        """Return the point a step ahead and the factorizations; None if it was too long."""
         self.refused = ""
         try:
             taken = self.branch.step(here, length)
@@ -440,7 +448,7 @@ class _TraceRun:
             if known and known[1] == told and known[0] < COUNTED_ON_MESH and not last:
                 self.counted = known[0] + 1, known[1]
                 return known[1]
-            index = regular_index(point.at, self.tol, NEAR_ZERO)
+            index = regular_index(point.at, self.tol, tolerance_of(self.tol))
             self.counted = None if index is None or index != told else (0, index)
             if index is None:
                 index = inertia_of(resolve(point.at, self.tol, TRACE_RESOLUTION)).index
@@ -522,7 +530,7 @@ class _TraceRun:
         if system.structure.jumpless:
             return None
         off, told = find_imbalance(point.at, self.tol)
-        self.drifts = point, told > self.tol
+        self.drifts = point.at, told > self.tol
         if isinstance(off, Imbalance) and not (off.sudden and self._solution_near(point) is None):
             return None
         return off
@@ -601,9 +609,9 @@ class _TraceRun:
         if point.at.problem.system.structure.jumpless or point.at.problem.through:
             return False
         known, drifts = self.drifts
-        if known is not point:
+        if known is not point.at:
             drifts = find_imbalance(point.at, self.tol)[1] > self.tol
-            self.drifts = point, drifts
+            self.drifts = point.at, drifts
         return drifts
 
     # -- what changes on the way ----------------------------------------------------------------
