@@ -96,7 +96,7 @@ class BranchPoint:
 
 
 class _Corrected(NamedTuple):
-    """Where Newton's method leads: (z, s), equations and factorizations."""
+    """Where Newton's method leads: (z, s), equations and factorizations on the way."""
 
     y: Array
     tr: Discrete
@@ -231,21 +231,23 @@ class Branch:
         """Return the point (z, s) across a row (size + 1,) to which Newton's method leads.
 
         None if that takes more than `most` factorizations, a longer first correction, or does not
-        contract. A matrix serves for more corrections as long as few of them are left; the last one
-        is by the matrix at the point.
+        contract. A matrix serves for more corrections as long as few of them are left, but for one
+        that takes little before a correction that is expected to be the last; that is by the matrix
+        at the point. Those are not counted.
         """
         last, tr, factors, count, away = 2 * first, self.at(float(y[-1])), None, 0, 0.0
         with np.errstate(all="ignore"):
             for k in range(1, most + SAME_CORRECTIONS):
                 residual = tr.residual(y[:-1])
+                serves = away <= SAME_MATRIX or last**2 > SAME_MATRIX or _is_large(factors)
                 try:
-                    change, size = self._change(tr, factors, residual)
+                    change, size = self._change(tr, factors if serves else None, residual)
                     few = size * (size / last) ** SAME_CORRECTIONS < LAST_CORRECTION
                     if factors is None or not (few or away <= SAME_MATRIX):
                         if count == most:
                             return None
+                        count, away = count + (factors is None or serves), 0.0
                         factors = self._factorize(tr, y, row, residual)
-                        count, away = count + 1, 0.0
                         change, size = self._change(tr, factors, residual)
                 except np.linalg.LinAlgError:
                     return None
@@ -276,9 +278,9 @@ class Branch:
 
         Solutions with a large one are refined from those of the matrix nearby.
         """
-        near, residual = found.factors.within, tr.residual(y[:-1])
-        if near is not None and not near.layout.keeps_factors:
-            near = None
+        near, residual = None, tr.residual(y[:-1])
+        if _is_large(found.factors):
+            near = found.factors.within
         try:
             factors = self._factorize(tr, y, row, residual, near)
             change, size = self._change(tr, factors, residual, LINEAR_LEFT)
@@ -371,3 +373,9 @@ class Branch:
         K = tr.kkt(z)
         inner = Factors(tr.layout, K, many=True) if near is None else near.near(K)
         return inner.with_border(*edges)
+
+
+def _is_large(factors: Factors | None) -> bool:
+    """Whether the matrix beside a border takes long to factorize."""
+    within = factors and factors.within
+    return within is not None and within.layout.keeps_factors
