@@ -62,7 +62,7 @@ EIGENVALUE_SECONDS = 1.3e-10
 # that grow by 2e6 and more have not, and none is between.
 PIVOT_GROWTH = 1e4
 # Steps of iteration for the largest eigenvalue of what tells a matrix from one near it. Ad hoc.
-SIGN_STEPS = 3
+NEAR_STEPS = 3
 REFINEMENTS = 6  # each leaves half of the residual at most
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
 USEFUL = 1e-8  # residual above which the factors are given up
@@ -340,7 +340,7 @@ class Factors:
         layout = self.layout
         try:
             x = beside.direct(layout.probe)[0]
-            for _ in range(SIGN_STEPS):
+            for _ in range(NEAR_STEPS):
                 last = x
                 x = x - beside.direct(product(layout, self.nonzeros, x))[0]
         except np.linalg.LinAlgError:
