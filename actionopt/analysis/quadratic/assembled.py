@@ -20,6 +20,7 @@ from actionopt.analysis.quadratic.jacobi import (
     decay,
     propagate,
     refine_where,
+    tails,
 )
 from actionopt.analysis.quadratic.second_variation import (
     check_independent,
@@ -322,14 +323,16 @@ def assemble(
     fields: float,
     *,
     polish: bool = False,
+    curves: bool = False,
     form: AssembledForm | None = None,
 ) -> AssembledForm | None:
     """Return d2S of a path known to `error`, on a mesh that resolves its Jacobi fields to `fields`.
 
-    And the path with `polish`, which Newton's method improves there. `form` is that of `on_mesh`,
-    if it is known. None where the variations are not simply those between two events, L_vv may not
-    be positive, or a part of the path is conjugate. Raises ValueError where the constraints are not
-    independent, or along a path through a singularity.
+    And the path with `polish`, which Newton's method improves there. Where that is asked for, or
+    fields as `curves`, which have half the digits of values, degrees are raised by more. `form` is
+    that of `on_mesh`, if it is known. None where the variations are not simply those between two
+    events, L_vv may not be positive, or a part of the path is conjugate. Raises ValueError where
+    the constraints are not independent, or along a path through a singularity.
     """
     if not is_plain(first):
         return None
@@ -352,8 +355,8 @@ def assemble(
             tail = np.maximum(tail, FIELDS_TO_COEFFICIENTS * coefficients_left_out(at))
             at.left_out[key] = tail
         if polish:
-            tail = np.maximum(tail, decay(mesh, [Q[g.nodes] for g in mesh.groups]))
-        finer = refine_where(mesh, tail[0], fields, tail[1])
+            tail = np.maximum(tail, tails(mesh, [Q[g.nodes] for g in mesh.groups]))
+        finer = refine_where(mesh, tail[0], fields, None if curves or polish else tail[1])
         if finer is None:
             form = form or on_mesh(at, error)
             if form is None or not polish:

@@ -203,7 +203,7 @@ def assemble_if_large(
     """
     if first.tr.layout.unknowns - first.tr.layout.rows < max(ASSEMBLED, DENSE_MODES * count):
         return None
-    return assemble(first, error, resolution)
+    return assemble(first, error, resolution, curves=True)
 
 
 def lowest(form: Form, count: int) -> tuple[Array, Array]:
