@@ -23,6 +23,8 @@ from actionopt.tools.watch import Watch, check_time
 # Ad hoc: what comes of it is a guess, and Newton's method does the rest.
 STEP_ERROR = 1e-5  # of one step
 MOTION_STEPS = 400  # most, of one motion; what needs more comes too close to a singularity
+ENERGY_LOST = 1e3  # errors of a step in which the energy was not kept: a quarter of it is next
+JUMP_STEP = 1e-12  # of the time, after which it jumps
 AIMS = 12  # Newton steps towards a target
 NUDGE = 1e-6  # relative change of a velocity that tells the derivative, to a hundredth
 ARRIVAL_TOL = 1e-3  # of the coordinates' sizes: near enough for a guess
@@ -85,14 +87,16 @@ def integrate(
     watch: Callable[[int], None] | None = None,
     patient: bool = False,
     arrived: Callable[[NDInt, Array, Array], Array] | None = None,
+    kept: float = np.inf,
 ) -> tuple[Array, Array]:
     """Return (q, v) of motions after the times `span` (K,), back in time where it is negative.
 
     They start at `start`, times (K,), coordinates and velocities (n, G, K), and make no more than
     `steps` steps; `watch` is called before each, with the steps up to it. They end before where
     `arrived` says so, of the motions that made a step, which they are, where (n, A) and when (A,).
-    `track` receives (times (K,), q, v (n, K)) of the first of each group after every step. The rest
-    is as for `fly`.
+    `track` receives (times (K,), q, v (n, K)) of the first of each group after every step. No step
+    changes the energy, where it is to be `kept`, by more than so much of what it is made of: forces
+    that a motion meets in a moment are in no stage of a longer step. The rest is as for `fly`.
     """
     begin, q0, v0 = start
     n, group, count = v0.shape
@@ -105,6 +109,7 @@ def integrate(
     live, done, patience = np.arange(count), 0, steps
     with np.errstate(all="ignore"):
         pull = _acceleration(problem, q, v, begin)  # what a step ends with, the next begins with
+        known = energies(problem, q, v) if kept < np.inf else None
         while live.size and done < patience:
             done += 1
             check_time()
@@ -119,8 +124,8 @@ def integrate(
             rates = np.empty((len(DOPRI_TIMES), *y.shape))
             rates[0] = forth * y[1], forth * pull[:, :, live]
             for k in range(1, len(DOPRI_TIMES)):
-                known = rates[:k].reshape(k, -1)
-                here = y + step * (DOPRI_STAGES[k] @ known).reshape(y.shape)
+                before = rates[:k].reshape(k, -1)
+                here = y + step * (DOPRI_STAGES[k] @ before).reshape(y.shape)
                 times = begin[live] + forth * (t[live] + DOPRI_TIMES[k] * step)
                 rates[k] = forth * here[1], forth * _acceleration(problem, here[0], here[1], times)
             error = step * (DOPRI_ERROR @ rates.reshape(len(rates), -1)).reshape(y.shape)
@@ -133,21 +138,42 @@ def integrate(
             size = np.sqrt(np.mean((error / scale) ** 2, axis=(0, 1, 2)))
             lost = ~np.isfinite(here).all(axis=(0, 1, 2)) & (step < 1e-9 * T[live])
             size = np.where(np.isfinite(size), size, 1e9)
+            if known is not None:
+                there = energies(problem, *here)
+                off = np.abs(there[0] - known[0][:, live]).max(axis=0)
+                jumped = ~(off <= kept * np.maximum(there[1], known[1][:, live]).max(axis=0))
+                size = np.where(jumped, np.maximum(size, ENERGY_LOST), size)
+                lost |= jumped & (step < JUMP_STEP * T[live])
             good = size <= 1
-            kept = live[good]
-            q[:, :, kept], v[:, :, kept] = here[0][..., good], here[1][..., good]
-            pull[:, :, kept] = (forth * rates[-1, 1])[..., good]
-            t[kept] += step[good]
+            now = live[good]
+            q[:, :, now], v[:, :, now] = here[0][..., good], here[1][..., good]
+            pull[:, :, now] = (forth * rates[-1, 1])[..., good]
+            t[now] += step[good]
+            if known is not None:
+                for old, new in zip(known, there, strict=True):
+                    old[:, now] = new[:, good]
             h[live] = step * np.clip(0.9 * (size + 1e-12) ** -0.2, 0.1, 5.0)
             if track is not None:
                 track.append((begin + way * t, q[:, 0].copy(), v[:, 0].copy()))
             going = ~lost & (t[live] < T[live] * (1 - 1e-12))
             if arrived is not None:
-                going[good] &= ~arrived(kept, q[:, 0, kept], begin[kept] + way[kept] * t[kept])
+                going[good] &= ~arrived(now, q[:, 0, now], begin[now] + way[now] * t[now])
             live = live[going]
     short = t < T * (1 - 1e-12)
     q[:, :, short] = v[:, :, short] = np.nan
     return q, v
+
+
+def energies(problem: Problem, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return v . L_v - L at q and v (n, ...), and what it is made of, |v . L_v| + |L|, (...).
+
+    Of laws that know no time.
+    """
+    shape, t = q.shape[1:], np.full((q[0].size, 1), problem.start.t)
+    at = q.reshape(len(q), -1).T, v.reshape(len(v), -1).T
+    _, p, L = problem.system.pointwise("first")(*at, t, problem.packed)
+    moving, L = np.sum(p * at[1], axis=1), L[:, 0]
+    return (moving - L).reshape(shape), (np.abs(moving) + np.abs(L)).reshape(shape)
 
 
 def _acceleration(problem: Problem, q: Array, v: Array, t: Array) -> Array:
@@ -189,10 +215,10 @@ class Flight(NamedTuple):
     q: Array
     v: Array
 
-    def path(self, start: float, end: float) -> Path:
-        """Return the motion up to a time as a path, on elements of three steps each."""
+    def path(self, start: float, end: float, steps: int = 3) -> Path:
+        """Return the motion up to a time as a path, on elements of so many steps each."""
         inside = self.times - start < (end - start) * (1 - 1e-9)
-        since = np.append((self.times[inside] - start)[::3], end - start)
+        since = np.append((self.times[inside] - start)[::steps], end - start)
         return Path.interpolate(hermite(*self), Mesh.over(start, end, since, GUESS_DEGREE))
 
     def after(self, later: Flight) -> Flight:
@@ -207,6 +233,7 @@ def flights(
     spans: Iterable[float],
     watch: Watch | None = None,
     accuracy: float = STEP_ERROR,
+    kept: float = np.inf,
 ) -> Iterator[list[Flight]]:
     """Yield motions from q0 and v0 (n, K) at the start, carried on to each of the times `spans`.
 
@@ -221,18 +248,19 @@ def flights(
         track: list[tuple[Array, Array, Array]] = []
         if going:
             t, q, v = (np.stack([found[k][i][..., -1] for k in going], -1) for i in range(3))
-            most, look = {"accuracy": accuracy, "steps": MOTION_STEPS}, watch and watch.look
-            state = t, q[:, None], v[:, None]
-            ends = integrate(problem, state, t0 + T - t, **most, track=track, watch=look)[0]
+            state, look = (t, q[:, None], v[:, None]), watch and watch.look
+            ends, _ = integrate(
+                problem, state, t0 + T - t, accuracy=accuracy, track=track, watch=look, kept=kept
+            )
         if track:
             times, q, v = (np.array(rows) for rows in zip(*track, strict=True))
             whole: Array = np.isfinite(ends).min(axis=(0, 1))
             for i, k in enumerate(going):
                 new: Array = np.diff(times[:, i], prepend=t[i]) > 0  # no step was refused
-                kept = times[new, i]
+                made = times[new, i]
                 if whole[i]:
-                    kept[-1] = t0 + T
-                found[k] = found[k].after(Flight(kept, q[new, :, i].T, v[new, :, i].T))
+                    made[-1] = t0 + T
+                found[k] = found[k].after(Flight(made, q[new, :, i].T, v[new, :, i].T))
             going = [k for i, k in enumerate(going) if whole[i]]
         yield list(found)
 
@@ -272,7 +300,7 @@ def aim(problem: Problem, v0: Array, targets: Array, *, back: bool = False) -> t
     def gap(v: Array, which: NDInt) -> Array:
         return (shoot(problem, v, back=back) - targets[:, None, which]) / unit
 
-    return _newton(v0, basis, gap)
+    return newton(v0, basis, gap)
 
 
 def close(problem: Problem, q0: Array, v0: Array, units: Array) -> tuple[Array, Array, NDInt]:
@@ -317,23 +345,30 @@ def arrive(
         return miss(y[:n], y[n:], *fly(problem, y[:n], y[n:], watch=watch))
 
     y = np.concatenate([q0, v0])
-    x, arrived = _newton(y[varied] / units[varied, None], np.eye(varied.size), gap)
+    x, arrived = newton(y[varied] / units[varied, None], np.eye(varied.size), gap)
     y = y[:, arrived]
     y[varied] = x * units[varied, None]
     return y[:n], y[n:], arrived
 
 
-def _newton(x: Array, basis: Array, gap) -> tuple[Array, NDInt]:
+def newton(
+    x: Array,
+    basis: Array,
+    gap,
+    nudged: float = NUDGE,
+    near: float = ARRIVAL_TOL,
+    steps: int = AIMS,
+) -> tuple[Array, NDInt]:
     """Change x (d, K) along the basis (d, r) until the gaps vanish; each column by itself.
 
     `gap(x, which)` returns those of x (d, G, A), groups beside the columns `which` (A,). Returns
-    the columns that arrive, and which they are.
+    the columns whose gaps come below `near`, and which they are.
     """
     count, r = x.shape[1], basis.shape[1]
-    nudge = NUDGE * np.max(np.abs(x), axis=0)
+    nudge = nudged * np.max(np.abs(x), axis=0)
     best, miss, part = x.copy(), np.full(count, np.inf), np.ones(count)
     step, trial, active = np.zeros_like(x), x.copy(), np.arange(count)
-    for _ in range(AIMS):
+    for _ in range(steps):
         h = nudge[active]
         trials = np.stack([trial[:, active]] * (r + 1), axis=1)
         trials[:, 1:] += basis[:, :, None] * h
@@ -352,10 +387,10 @@ def _newton(x: Array, basis: Array, gap) -> tuple[Array, NDInt]:
         )
         step[:, k] = change / np.maximum(1.0, 2 * long)
         trial = best + part * step
-        active = np.flatnonzero((miss > ARRIVAL_TOL / 10) & (part > 1e-3))
+        active = np.flatnonzero((miss > near / 10) & (part > 1e-3))
         if not active.size:
             break
-    arrived = np.flatnonzero(miss < ARRIVAL_TOL)
+    arrived = np.flatnonzero(miss < near)
     return best[:, arrived], arrived
 
 

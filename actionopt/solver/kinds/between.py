@@ -44,6 +44,7 @@ Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict wit
 # strategies tried where the first path crosses a jump: seconds are lost there; ad hoc
 BEFORE_A_JUMP = 3
 MOST_SEEN = 2  # coordinates of which all motions from the start are seen
+MOST_AIMED = 4  # of which some are aimed across a step of L; ad hoc
 OUT_OF_REACH = "no motion from the start, slow or fast, comes to the end event at its time"
 
 
@@ -157,6 +158,8 @@ def _find_smooth(
     may_jump = not (steps is None and problem.system.structure.jumpless)
     if steps is None and search.strategies is not IPOPT and plain(problem):
         search.rule_out = partial(_rule_out, search)
+        plainly = search.strategies is STRATEGIES and search.given is None and guess is None
+        search.may_step = plainly and _may_step(problem)
     if not may_jump:
         return _search(search, guess, curve_of)
     from actionopt.discrete.between_nodes.crossing import find_imbalance, first_crossing
@@ -196,6 +199,13 @@ def _find_smooth(
     ws = search.ws
     ws.hint, ws.here = str(jump), replace(ws.here, error=np.inf)
     return Status.JUMP
+
+
+def _may_step(problem: Problem) -> bool:
+    """Return whether L may step steeply where motions keep their energy, which tells."""
+    law = problem.system.structure
+    keeps = not (law.forced or law.depends_on_time)
+    return law.narrow > 0 and keeps and problem.system.n <= MOST_AIMED
 
 
 def _rule_out(search: Search) -> Status | None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.analysis.quadratic.shooting import aim, integrate, speeds
+from actionopt.analysis.quadratic.shooting import aim, energies, integrate, speeds
 from actionopt.mechanics.question.problem import Problem
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import Watch
@@ -146,12 +146,7 @@ def _keeps_energy(
     if structure.forced or structure.depends_on_time:
         return True
     there = np.isfinite(after[0]).all(axis=0)
-    energies, sizes = [], []
-    for q, v in (before, after):
-        at = q[:, there].T, v[:, there].T, np.full((there.sum(), 1), problem.start.t)
-        _, p, L = (x.copy() for x in problem.system.pointwise("first")(*at, problem.packed))
-        moving = np.sum(p * v[:, there].T, axis=1)
-        energies.append(moving - L[:, 0])
-        sizes.append(np.abs(moving) + np.abs(L[:, 0]))
-    lost = np.abs(energies[1] - energies[0])
-    return bool((lost <= ENERGY_KEPT * np.maximum(*sizes)).all())
+    (first, large), (last, larger) = (
+        energies(problem, q[:, there], v[:, there]) for q, v in (before, after)
+    )
+    return bool((np.abs(last - first) <= ENERGY_KEPT * np.maximum(large, larger)).all())

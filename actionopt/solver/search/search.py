@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -35,7 +36,13 @@ from actionopt.solver.refinement.first_mesh import (
 from actionopt.solver.refinement.iterate import Iterate
 from actionopt.solver.refinement.refine import even_mesh, refine, solve_on
 from actionopt.solver.refinement.signals import LEADS_NOWHERE
-from actionopt.solver.refinement.workspace import FEW_COORDINATES, ROUGHLY, Workspace
+from actionopt.solver.refinement.workspace import (
+    FEW_COORDINATES,
+    FOLLOWED_REACH,
+    PATIENT,
+    ROUGHLY,
+    Workspace,
+)
 from actionopt.tools.immutable import immutable
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import OutOfTime, Watch
@@ -140,6 +147,8 @@ class Search:
     budget: float = math.inf  # elements evaluated after which nothing expensive is tried
     # The verdict where it is plain that there is no path; asked once, before what is expensive.
     rule_out: Callable[[], Status | None] | None = None
+    # Whether motions are to be looked for that cross a steep step of L; once, where one is seen.
+    may_step: bool = False
     tried: list[str] = field(default_factory=list)
 
     # -- without a guess -----------------------------------------------------------------------
@@ -225,6 +234,8 @@ class Search:
                     if shut is not None:
                         self.straight = True  # from a curved line there is none either
                         return shut
+                    if self.may_step and (crossed := self._cross_steps()) in REACHED:
+                        return crossed
                     self._limit(strategy.cost)
                 self.begin(strategy.name, strategy.minimises)
                 status = strategy.attempt(self)
@@ -379,10 +390,50 @@ class Search:
             status = self.refine()
             if status is not Status.UNRESOLVED:
                 break
+            if self.may_step and (crossed := self._cross_steps()) in REACHED:
+                return crossed
             self.lost.append(self.least)
             if ws.has_kink:  # so it is on finer meshes
                 break
         return status
+
+    def _cross_steps(self) -> Status:
+        """Seek motions that cross steep steps of L, if the path at hand shows one, or the line.
+
+        A saddle is kept in mind; where nothing is found the path at hand stays.
+        """
+        from actionopt.solver.search.steps import crossings, shows_step
+
+        ws = self.ws
+        if ws.iterate is None:
+            return Status.NOT_FOUND
+        line = ws.here.tr.pack(ws.here.tr.straight())
+        seen = ws.unbalance is not None or shows_step(ws.here, self.tol)
+        if not (seen or shows_step(ws.here.moved(line), self.tol)):
+            return Status.NOT_FOUND
+        self.may_step, way = False, (self.found_by, self.least)
+        first = ws.iterate, ws.gain, ws.unbalance, ws.hint, list(ws.record.rounds)
+        self.begin("across steps")
+        watch, most = ws.watch, math.inf
+        if watch is not None:  # it has a price of its own
+            most, watch.most = watch.most, math.inf
+        for guess in crossings(ws.problem, watch):
+            ws.restart()
+            ws.record.rounds.clear()
+            ws.transcribe(guess.mesh, guess, like=guess)
+            status = Status.NOT_FOUND
+            with suppress(np.linalg.LinAlgError):
+                if ws.follow(FOLLOWED_REACH) or ws.approach(PATIENT):
+                    status = self.refine()
+            if status in REACHED and not (self.may_be_least and ws.here.index > 0):
+                return status
+            if status in REACHED:
+                self.saddle = self.saddle or (self.found_by, ws.here.bare())
+        if watch is not None:
+            watch.most = most
+        self.found_by, self.least = way
+        ws.iterate, ws.gain, ws.unbalance, ws.hint, ws.record.rounds[:] = first
+        return Status.NOT_FOUND
 
     def _begin_on(self, elements: int, degree: int, known: Path | None) -> None:
         """Stand on a mesh: at a path that is known, or at the line from which all set out."""
