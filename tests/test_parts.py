@@ -1413,10 +1413,10 @@ def test_aims_are_changed_along_a_basis_until_gaps_vanish():
         return np.stack([x[0] ** 2 - goals[which] ** 2, x[1] - 2 * x[0]])
 
     x = np.array([[1.0, 9.0, 1.0], [1.0, -5.0, 0.0]])
-    found, which = shooting._newton(x, np.eye(2), gap)
+    found, which = shooting.newton(x, np.eye(2), gap)
     assert which.tolist() == [0, 1]
     np.testing.assert_allclose(found, [[2.0, 3.0], [4.0, 6.0]], rtol=1e-3)
-    found, which = shooting._newton(x[:, :2], np.array([[1.0], [2.0]]) / np.sqrt(5), gap)
+    found, which = shooting.newton(x[:, :2], np.array([[1.0], [2.0]]) / np.sqrt(5), gap)
     assert which.size < 2  # what is off across the basis stays
 
 

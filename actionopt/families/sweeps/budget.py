@@ -13,9 +13,10 @@ from collections.abc import Mapping
 from actionopt.solver.search.search import BUDGET
 
 # Budget of searches in vain, whatever was solved. One takes 7,000 to 12,000 with one coordinate,
-# and one that succeeds 1,200 to 2,800 where Newton's method from the line does not. Measured on
-# 60 small maps of random systems: with twice as much as one way may cost all but 3 of 2276
-# members are found that `solve` finds; with 3 times as much, on 52 of these maps, all are.
+# hundreds where motions show that none comes to the end, and one that succeeds 1,200 to 2,800 where
+# Newton's method from the line does not. Measured on 60 small maps of random systems: with twice as
+# much as one way may cost all but 3 of 2276 members are found that `solve` finds; with 3 times as
+# much, on 52 of these maps, all are.
 FREE_BUDGET = 3 * BUDGET
 # Less where few members are left: two searches in vain, and for each what one that succeeds takes.
 FEW_LEFT, EACH_LEFT = 12_000, 2_000

@@ -1,13 +1,13 @@
 """Whether some motion from the start comes to the end, in one or two coordinates.
 
-Where a motion ends depends continuously on the velocity with which it sets out. Of one coordinate
-the ends of motions from the fastest one way to the fastest the other are a curve, of two a surface
-over the plane of velocities; on a net of these that is fine enough the end event is on the image of
-an edge or of a triangle, or near a node from which Newton's method leads to it, or on none. Motions
-that run away in less than the time there is come to no end. A net tells nothing where it is too
-coarse, as beside a motion into a centre, and nothing of narrow forces, which motions pass unseen:
-they lose or win energy there. A gap that motions from afar miss is wide for those that begin beside
-it: both events are to be out of the other's reach.
+The place where a motion ends depends continuously on its initial velocity. The ends of motions of
+one coordinate, from the fastest one way to the fastest the other way, are a curve; those of two
+coordinates are a surface over the plane of velocities. If the end event can be reached, then on a
+fine enough net of velocities it lies on the image of an edge or of a triangle, or near that of a
+node, from which Newton's method leads to it. A motion that runs away sooner ends nowhere. A net
+that is too coarse tells nothing, as beside a motion into a centre, nor do motions that step over
+narrow forces: these gain or lose energy there, which is checked. A gap that motions from afar miss
+is wide for those that begin beside it: both events are to be out of the other's reach.
 """
 
 from __future__ import annotations
