@@ -194,9 +194,7 @@ class HomotopyCurve:
                 size = float(np.maximum.reduce(np.abs(step[:cut])))
                 if not math.isfinite(size) or size > 2 * last:
                     return None
-                z, s, before, last = z + step, s + change, last, size
-                # The next one is of its square, and counts though it is not taken.
-                spare = k > 1 and size * (size / before) ** 2 < CORRECTOR_TOL
-                if spare or size < CORRECTOR_TOL:
-                    return z, s, slope, k + (size >= CORRECTOR_TOL)
+                z, s, last = z + step, s + change, size
+                if size < CORRECTOR_TOL:
+                    return z, s, slope, k
         return None
