@@ -296,3 +296,23 @@ def test_a_lagrangian_is_asked_at_velocities_below_its_limit_too():
     light = ao.System(lambda q, v, t: -np.sqrt(1 - v[0] ** 2), ["x"])
     problem = ao.Problem(light, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.5]))
     assert not nonfinite(problem, np.zeros(1), 0.0, np.array([3.0]))
+
+
+@pytest.mark.parametrize(("power", "T"), [(0.0015, 1.0), (0.05, 2.4)])
+@pytest.mark.parametrize("back", [False, True])
+def test_second_derivatives_where_inertia_vanishes_slowly(power, T, back):
+    """S = (1 - a) (q1 - q0)^2 / (2 T^(1 - a)) of L = t^a v^2 / 2, and of the motion run back."""
+    system = ao.System(lambda q, v, t: (T - t if back else t) ** power * v[0] ** 2 / 2, ["x"])
+    found = ao.solve(ao.Problem(system, ao.Event(0, [0.3]), ao.Event(T, [-0.4]))).sensitivity()
+    exact = (1 - power) / T ** (1 - power)
+    for value in (found.q0q0, -found.q0q1, found.q1q1):
+        assert value[0, 0] == pytest.approx(exact, rel=1e-10)
+
+
+def test_second_derivatives_beside_boundary_layers_of_a_millionth():
+    """S_00 = k coth(k T) of L = (v^2 + k^2 q^2) / 2: ends along lines would cancel."""
+    k = 1e7
+    system = ao.System(lambda q, v, t: (v[0] ** 2 + k**2 * q[0] ** 2) / 2, ["x"])
+    found = ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(1, [0.5]))).sensitivity()
+    assert found.q0q0[0, 0] == pytest.approx(k, rel=1e-12)
+    assert found.q1q1[0, 0] == pytest.approx(k, rel=1e-12)

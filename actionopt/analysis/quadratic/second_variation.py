@@ -43,6 +43,9 @@ DELAYED_PIVOT = 1e-5  # pivots below this fraction of their block's largest wait
 BALANCED = 5  # rounds, each takes units to their roots
 BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
 ASSUMED_ERROR = 1e-3  # of a path whose own is not known
+# Of the duration: the first or last element below which ends move along lines. Derived: round-off
+# of its entries is EPS / 1e-6 of a second derivative, which has ten digits.
+SHORT_END = 1e-6
 MATRICES_AT_ONCE = 3  # products over all coordinates of an element, of some elements at once
 
 
@@ -247,15 +250,23 @@ def _element_forms(
 def ends_hessian(form: Form) -> Array:
     """Return (k0 + k1, k0 + k1) derivatives of the action, by directions pinned at start and end.
 
-    Where L_vv is infinite at an end, an end that moves takes the whole path along a straight line:
-    entries of single nodes cancel to a part of 1e-6 of what is left when those between are
-    eliminated, and those of lines hardly. Under constraints, which lines leave, as they are.
+    Where L_vv is infinite at an end, or elements there are so short that they show a singularity,
+    an end that moves takes the whole path along a straight line: entries of single nodes cancel to
+    what is left when those between are eliminated, a part of 1e-6 or of the element's length, and
+    those of lines hardly. Under constraints, which lines leave, as they are.
     """
-    if form.tr.problem.system.m or not any(form.tr.mesh.singular_ends):
+    mesh, r, lines = form.tr.mesh, form.freedom, sum(form.pinned)
+    short = min(mesh.lengths[0], mesh.lengths[-1]) < SHORT_END * mesh.duration
+    if form.tr.problem.system.m or not (short or any(mesh.singular_ends)):
         return condense(form).hessian
-    r, lines = form.freedom, sum(form.pinned)
+    lifted, (begun, ended) = _lift_ends(form), form.pinned
+    if not any(mesh.singular_ends):
+        first, final = form.elements[0].diagonal(), form.elements[-1].diagonal()[-r:]
+        along = np.sum([E.diagonal()[:lines] for E in lifted], axis=0)
+        if (np.abs(along) > np.abs(np.r_[first[:begun], final[:ended]])).any():
+            return condense(form).hessian  # in a boundary layer it is lines that cancel
     front, last = np.zeros((lines, lines)), len(form.elements) - 1
-    for e, E in enumerate(_lift_ends(form)):
+    for e, E in enumerate(lifted):
         shared = r if e else 0
         old, size = len(front), len(front) + len(E) - lines - shared
         grown, own = np.zeros((size, size)), np.r_[:lines, old - shared : size]
