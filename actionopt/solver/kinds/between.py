@@ -45,7 +45,7 @@ Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict wit
 BEFORE_A_JUMP = 3
 MOST_SEEN = 2  # coordinates of which all motions from the start are seen
 MOST_AIMED = 4  # of which some are aimed across a step of L; ad hoc
-OUT_OF_REACH = "no motion from the start, slow or fast, comes to the end event at its time"
+OUT_OF_REACH = "no motion from the start comes to the end event, of many tried, slow and fast"
 
 
 @immutable
