@@ -29,7 +29,7 @@ from actionopt.solver.contact.first_contacts import _where_zero, other_sides, ro
 from actionopt.solver.contact.obstacle import Along
 from actionopt.solver.contact.taut_strings import WayOut, parts_at_zero
 from actionopt.solver.kinds import free_contact
-from actionopt.solver.refinement.first_mesh import is_free
+from actionopt.solver.refinement.first_mesh import is_free, straight_line
 from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"
@@ -230,7 +230,7 @@ def line_through(n, f):
     ends = np.zeros((2, n))
     ends[:, 0], ends[:, 1] = (-2.0, 2.0), (0.1, 0.2)
     problem = ao.Problem(body(f, names=[f"x{k}" for k in range(n)]), *map(ao.Event, (0, 1), ends))
-    return problem, first_contacts.straight_line(problem, Mesh.uniform(0.0, 1.0, 16, 4))
+    return problem, straight_line(problem, Mesh.uniform(0.0, 1.0, 16, 4))
 
 
 @pytest.mark.parametrize("n", [2, 5])
@@ -329,7 +329,7 @@ def test_a_line_through_the_middle_of_a_ball_turns_aside_across_it(n):
     problem = ao.Problem(
         body(lambda q: q @ q - 0.25, names=names), *map(ao.Event, (0.0, 1.0), ends)
     )
-    line = first_contacts.straight_line(problem, Mesh.uniform(0.0, 1.0, 16, 4))
+    line = straight_line(problem, Mesh.uniform(0.0, 1.0, 16, 4))
     out = WayOut.of(Held(problem, ()), line, straight=True)
     assert out is not None
     assert abs(out.normal * problem.measures @ (ends[1] - ends[0])) < 1e-9 or n > 2

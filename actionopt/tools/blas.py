@@ -115,20 +115,6 @@ def invert_each(matrices: Array) -> Array:
     return _of_each("inv", np.linalg.inv, matrices)
 
 
-def eigenvectors(matrix: Array) -> tuple[Array, Array]:
-    """Return the eigenvalues, ascending, and eigenvectors of a symmetric matrix, as numpy's `eigh`.
-
-    Without its checks, as `_of_each`.
-    """
-    inner = getattr(getattr(np.linalg, "_umath_linalg", None), "eigh_lo", None)
-    if inner is not None:
-        with np.errstate(all="ignore"):
-            values, vectors = inner(matrix)
-        if np.logical_and.reduce(np.isfinite(values)):
-            return values, vectors
-    return np.linalg.eigh(matrix)
-
-
 def check_definite(matrices: Array) -> None:
     """Raise numpy.linalg.LinAlgError where one of them is not positive definite."""
     _of_each("cholesky_lo", np.linalg.cholesky, matrices)

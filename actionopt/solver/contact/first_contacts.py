@@ -24,7 +24,6 @@ from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.mechanics.question.held import Held, contacts_of
 from actionopt.mechanics.question.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.question.problem import Problem
-from actionopt.mechanics.question.scales import ends_of
 from actionopt.solver.refinement.first_mesh import COARSE_ELEMENTS
 from actionopt.solver.refinement.ipopt import Principle, find
 from actionopt.solver.refinement.workspace import Workspace
@@ -46,12 +45,6 @@ ROUND_SHARE = 1e-6  # of an element, what is round-off of its length; ad hoc
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
-
-
-def straight_line(problem: Problem, mesh: Mesh) -> Path:
-    """Return the straight line between events that give all coordinates, at one velocity."""
-    (first, last), part = ends_of(problem), mesh.nodes_since[:, None] / mesh.duration
-    return Path.through(mesh, (first + part * (last - first)).T)
 
 
 def sideways(problem: Problem, path: Path) -> Array:
@@ -187,10 +180,8 @@ def hidden_contact_times(found: DiscretePath) -> list[Array]:
 
     There elements have to be shorter for their nodes to see it.
     """
-    (t, _, _, f), reach = (
-        sample_rows(contacts_of(found.problem), found.path),
-        float(np.diff(found.mesh.nodes).max()),
-    )
+    t, _, _, f = sample_rows(contacts_of(found.problem), found.path)
+    reach = float(np.diff(found.mesh.nodes).max())
     arcs, windows = contact_parts(found), []
     for i, row in enumerate(f < -UNSEEN * found.tr.row_units[-len(f) :, None]):
         for k, l in runs(row):

@@ -36,7 +36,6 @@ from actionopt.solver.contact.first_contacts import (
     narrow_contact_times,
     other_sides,
     sideways,
-    straight_line,
     touch,
 )
 from actionopt.solver.contact.obstacle import (
@@ -57,6 +56,7 @@ from actionopt.solver.refinement.first_mesh import (
     is_free,
     plan_mesh,
     steady_rates,
+    straight_line,
 )
 from actionopt.solver.refinement.iterate import Iterate
 from actionopt.solver.refinement.refine import refine
@@ -188,10 +188,8 @@ def _draw_strings(
     if problem.system.n == 1 or problem.system.m or problem.is_course:
         return None
     sizes, free = problem.measures, _free_path(ws, mesh)
-    strings, across = (
-        Strings.round(contacts_of(free.problem), free.path),
-        sideways(problem, free.path),
-    )
+    strings = Strings.round(contacts_of(free.problem), free.path)
+    across = sideways(problem, free.path)
     for sign in (1.0, -1.0) if guess is None else (1.0,):
         ws.restart()
         ws.take_up(free)

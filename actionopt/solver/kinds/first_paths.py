@@ -42,7 +42,13 @@ from actionopt.solver.ends.lowest_pass import explain_pass
 from actionopt.solver.input.arguments import Guess, curve
 from actionopt.solver.input.preflight import check
 from actionopt.solver.kinds.between import solve_on_the_way
-from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, FIRST_TOL, LINEAR, fewest_elements
+from actionopt.solver.refinement.first_mesh import (
+    COARSE_DEGREE,
+    FIRST_TOL,
+    LINEAR,
+    fewest_elements,
+    straight_line,
+)
 from actionopt.solver.refinement.iterate import SAFETY, UNKNOWN_GAIN, coordinate_scales
 from actionopt.solver.refinement.refine import ROUNDS
 from actionopt.solver.refinement.workspace import FEW_COORDINATES, QUICK_STEPS, ROUGHLY
@@ -176,7 +182,7 @@ class FirstPaths:
         for T in TRIED_DURATIONS:
             known = over(self.problem, float(T))
             mesh = Mesh.uniform(known.start.t, known.end.t, 2, COARSE_DEGREE)
-            at = DiscretePath.of(known, Path(mesh, line(self.problem, mesh)))
+            at = DiscretePath.of(known, straight_line(self.problem, mesh))
             if not np.any(at.path.values[:, 0] != at.path.values[:, -1]):
                 return []
             with np.errstate(all="ignore"):
@@ -471,12 +477,6 @@ def straight(problem: Problem) -> Array:
     """Return points (K, n) on the straight line between the events."""
     start, end = ends_of(problem)
     return start + np.linspace(0, 1, LINE)[:, None] * (end - start)
-
-
-def line(problem: Problem, mesh: Mesh) -> Array:
-    """Return the straight line at the nodes of a mesh, (n, K)."""
-    start, end = straight(problem)[[0, -1]][:, :, None]
-    return start + mesh.nodes_since / mesh.duration * (end - start)
 
 
 def time_waypoints(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> Path:

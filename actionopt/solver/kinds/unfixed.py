@@ -37,7 +37,6 @@ from actionopt.solver.kinds.first_paths import (
     REPRESENTED,
     FirstPaths,
     guess_path,
-    line,
     straight,
     stretch_guess,
 )
@@ -45,7 +44,7 @@ from actionopt.solver.kinds.nearest_points import between_places
 from actionopt.solver.kinds.single_shooting import arrivals, can_depart
 from actionopt.solver.refinement import family
 from actionopt.solver.refinement.family import is_alone, may_be_family, soft_directions
-from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, LINEAR
+from actionopt.solver.refinement.first_mesh import COARSE_DEGREE, LINEAR, straight_line
 from actionopt.solver.refinement.iterate import (
     ROUNDED,
     SAFETY,
@@ -168,7 +167,7 @@ class Unfixed(Workspace[UnfixedPath]):
         if self.iterate is None:
             problem = over(self.problem, 1.0)
             mesh = Mesh.uniform(problem.start.t, problem.end.t, LINEAR, COARSE_DEGREE)
-            self.transcribe(mesh, Path(mesh, line(problem, mesh)))
+            self.transcribe(mesh, straight_line(problem, mesh))
 
     def with_boundaries(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch over its times."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.meshes.mesh import Mesh
+from actionopt.discrete.meshes.path import Path
 from actionopt.discrete.meshes.resolution import DEGREES
 from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.question.scales import diagonal, ends_of
@@ -70,6 +71,12 @@ def steady_rates(problem: Problem) -> tuple[float, float]:
     second = system.pointwise("second")(*state)
     forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
     return _rates(system, second, forces, problem.duration)
+
+
+def straight_line(problem: Problem, mesh: Mesh) -> Path:
+    """Return the straight line between events, at one velocity; a free end keeps the other's."""
+    start, end = (x[:, None] for x in ends_of(problem))
+    return Path(mesh, start + mesh.nodes_since / mesh.duration * (end - start))
 
 
 def is_free(problem: Problem) -> bool:

@@ -21,7 +21,7 @@ from actionopt.tools.watch import Watch
 
 # Ad hoc.
 # The net: directions round the plane, speeds up to the fastest that `shooting.velocities` takes,
-# in its even and in its geometric part, and beyond. Measured on 2,400 random questions of which a
+# in its even and in its geometric part, and beyond. Measured on 2,500 random questions of which a
 # motion is known: none is ruled out, but 6 of 180 whose motion leads through a hole in a wall that
 # is as narrow as between two directions.
 DIRECTIONS, NET_SPEEDS, NET_FASTEST, NET_BEYOND = 24, 12, 2.5, (2.0, 4.0, 8.0)
