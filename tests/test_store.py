@@ -107,6 +107,25 @@ def test_a_system_of_ones_own_is_supplied_again(own, tmp_path):
     assert_same_physics(ao.load(file, again), own)
 
 
+@pytest.mark.parametrize("start, duration", [(0.2, 2.0), (1e9, 1e-3)])
+def test_times_come_back_as_fine_as_they_were(start, duration, tmp_path):
+    """Measured from a start far from zero, times are finer than floats there."""
+    problem = Problem(SYSTEM, Event(start, 0.3), Event(start + duration, -0.2))
+    found = ao.solve(problem, tol=1e-9)
+    found.save(tmp_path / "a.npz")
+    again = ao.load(tmp_path / "a.npz", SYSTEM)
+    assert np.array_equal(found.mesh.since, again.mesh.since)
+    assert_same(found, again)
+    assert_same_physics(found, again)
+
+
+def test_files_without_times_from_the_start_are_older(own, tmp_path):
+    own.save(tmp_path / "new.npz")
+    with np.load(tmp_path / "new.npz") as new:
+        np.savez(tmp_path / "old.npz", **{k: new[k] for k in new.files if k != "since"})
+    assert_same(own, ao.load(tmp_path / "old.npz", SYSTEM))
+
+
 def test_without_its_system_there_is_the_path_and_no_physics(own, tmp_path):
     own.save(tmp_path / "own.npz")
     loaded = ao.load(tmp_path / "own.npz")
@@ -455,6 +474,10 @@ WRONG = {
     "velocities exchanged": ("velocities", lambda a: a[::-1]),
     "a path beside its events": ("values", lambda a: a + 1e-6),
     "a path at another time": ("boundaries", lambda a: a + 1e-6),
+    "times since another start": ("since", lambda a: a + 1e-12),
+    "times of other elements": ("since", lambda a: a**2 / a[-1]),
+    "too few times": ("since", lambda a: a[1:]),
+    "times that are not finite": ("since", lambda a: a + np.nan),
 }
 
 

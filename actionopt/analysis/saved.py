@@ -29,6 +29,8 @@ ARRAYS = (
     "velocities",
     "momenta",
 )
+# And of every path, but in files that are older: finer times where zero is far.
+SINCE = "since"
 # And of a path whose Lagrangian contains accelerations: velocities at the nodes, and the unknowns.
 HIGHER = "rates", "unknowns"
 SOLUTION_FORMAT = "actionopt solution 1"
@@ -72,7 +74,7 @@ def save(
         **found,
     }
     arrays |= {"boundaries": path.mesh.boundaries, "degrees": np.array(path.mesh.degrees)}
-    arrays["values"] = path.values
+    arrays |= {SINCE: path.mesh.since, "values": path.values}
     if unknowns is not None and path.velocities is not None:
         arrays |= zip(HIGHER, (path.velocities, unknowns.z), strict=True)
         units = {"lengths": unknowns.lengths, **unknowns.units._asdict()}

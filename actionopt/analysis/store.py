@@ -17,13 +17,13 @@ import casadi as ca
 import numpy as np
 
 from actionopt import scenes
-from actionopt.analysis.saved import ARRAYS, HIGHER, SOLUTION_FORMAT, Detached
+from actionopt.analysis.saved import ARRAYS, HIGHER, SINCE, SOLUTION_FORMAT, Detached
 from actionopt.analysis.solution import Ends, Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.action.action import ActionUnits
 from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.meshes.boundaries import find_boundaries, split
-from actionopt.discrete.meshes.mesh import Mesh, with_singular_ends
+from actionopt.discrete.meshes.mesh import Mesh, restore_mesh, with_singular_ends
 from actionopt.discrete.meshes.path import Path
 from actionopt.discrete.newton.discrete_path import DiscretePath, Unknowns
 from actionopt.mechanics.laws.tracing import MULTIPLIERS, SWITCHES
@@ -102,6 +102,7 @@ def _read(file: FilePath) -> Solution:
         with np.load(stream, allow_pickle=False) as arrays:
             about = json.loads(str(arrays["about"]))
             names = ARRAYS if about.get("units") is None else (*ARRAYS, *HIGHER)
+            names = (*names, SINCE) if SINCE in arrays else names
             data = {name: arrays[name] for name in names}
     if about["format"] != SOLUTION_FORMAT:
         raise ValueError(f"expected the format {SOLUTION_FORMAT!r}, found {about['format']!r}")
@@ -114,7 +115,7 @@ def _read(file: FilePath) -> Solution:
             f"{about['status']!r}"
         )
     problem = Detached(about)
-    mesh = Mesh(data["boundaries"], data["degrees"])
+    mesh = _mesh(data)
     start, end = about.get("singular", mesh.singular_ends)  # no file of a regular path has them
     mesh = with_singular_ends(mesh, (int(start), int(end)))
     passed = tuple(event.t for event in problem.through)
@@ -146,6 +147,19 @@ def _read(file: FilePath) -> Solution:
     if found.success:
         _check_numbers(found)
     return found
+
+
+def _mesh(data: dict[str, Array]) -> Mesh:
+    """Return the mesh of a file. Raises ValueError if its times contradict one another."""
+    boundaries, degrees, since = data["boundaries"], data["degrees"], data.get(SINCE)
+    if since is None:
+        return Mesh(boundaries, degrees)
+    if since.shape != boundaries.shape:
+        raise ValueError("expected as many times from the start as boundaries")
+    slack = SAME_EVALUATION * since[-1] + 2 * np.spacing(np.abs(boundaries[[0, -1]]).max())
+    if since[0] != 0 or not np.all(np.abs(boundaries[0] + since - boundaries) <= slack):
+        raise ValueError("expected boundaries that are the start and the times from it")
+    return restore_mesh(boundaries, since, degrees)
 
 
 def _unknowns(z: Array, units: dict[str, Any]) -> Unknowns:

@@ -130,7 +130,7 @@ class Mesh:
 
     def __reduce__(self) -> tuple:
         """Carry what the rest is made of."""
-        return _restore, (self.boundaries, self.since, self.degrees, self.singular_ends)
+        return restore_mesh, (self.boundaries, self.since, self.degrees, self.singular_ends)
 
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""
@@ -165,7 +165,7 @@ class Mesh:
         """
         boundaries = start + since
         boundaries[-1] = end
-        return _restore(boundaries, np.array(since), degrees, singular_ends)
+        return restore_mesh(boundaries, np.array(since), degrees, singular_ends)
 
     def cut(self, since: Array, degrees: int | ArrayLike | None = None) -> Mesh:
         """Return other elements over the same times; `since` as for `over`.
@@ -278,10 +278,10 @@ def with_singular_ends(mesh: Mesh, singular_ends: tuple[int, int]) -> Mesh:
     degrees = np.array(mesh.degrees)
     ends = [e for e, end in zip((0, -1), singular_ends, strict=True) if end]
     degrees[ends] = np.maximum(degrees[ends], 2)
-    return _restore(mesh.boundaries, mesh.since, degrees, singular_ends)
+    return restore_mesh(mesh.boundaries, mesh.since, degrees, singular_ends)
 
 
-def _restore(
+def restore_mesh(
     boundaries: Array,
     since: Array,
     degrees: int | ArrayLike,
