@@ -35,7 +35,7 @@ from actionopt.mechanics.laws.instants import Instant
 from actionopt.mechanics.question.held import Held
 from actionopt.mechanics.question.obstacle import Arc
 from actionopt.mechanics.question.problem import Problem
-from actionopt.tools.immutable import immutable
+from actionopt.tools.immutable import immutable, make_unchecked
 from actionopt.tools.types import Array
 
 # Ad hoc, but for `DIFFERENCE`.
@@ -90,9 +90,7 @@ class BranchPoint:
 
     def without_factors(self) -> BranchPoint:
         """Return the point without its factors, which take as much memory as all else."""
-        point = replace(self, factors=None)
-        vars(point)["at"] = self.at
-        return point
+        return make_unchecked(BranchPoint, **vars(self) | {"factors": None, "at": self.at})
 
 
 class _Corrected(NamedTuple):
