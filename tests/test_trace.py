@@ -15,7 +15,7 @@ from scipy.special import ellipk
 import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.borders.arclength import Branch, BranchPoint
-from actionopt.families.traces.branch_points import branch_points
+from actionopt.families.traces.branch_points import Miss, branch_points
 from actionopt.families.traces.marks import Step, locate
 from actionopt.families.traces.trace import POLE_SIZE, _TraceRun, trace
 from actionopt.families.vary import slope, with_values
@@ -211,17 +211,35 @@ def test_changes_of_the_index_take_a_few_factorizations_each():
     assert found.stats["factorizations"] < 40
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("e", "index"), [(1e-5, 0), (1e-9, 1)])
-def test_a_pitchfork_is_one_if_it_is_imperfect_by_no_more_than_the_tolerance(e, index):
-    """y is that of a pendulum held upright at an end, but for e: it buckles at w^2 = pi^2."""
+def held_upright(e):
+    """Return a pendulum held upright at an end, but for e, as x - y; it buckles at w2 = pi^2."""
 
     def lagrangian(q, v, t, *, w2):
         return v @ v / 2 + w2 * np.cos((q[0] - q[1]) / np.sqrt(2))  # x and y at 45 degrees
 
-    system = ao.System(lagrangian, ["a", "b"], parameters={"w2": 9.0})
+    system = ao.System(lagrangian, ["x", "y"], parameters={"w2": 9.0})
     end = ao.Event(1.0, np.array([1 + e, 1 - e]) / np.sqrt(2))
-    found = trace(ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), end), "w2", 11.0)
+    return ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), end)
+
+
+def test_a_miss_is_searched_once(monkeypatch):
+    """Where another branch is near, steps are shortened to how near it is, not by halves."""
+    searches = []
+
+    def search(*asked):
+        searches.append(asked)
+        return branch_points(*asked)
+
+    monkeypatch.setattr("actionopt.families.traces.trace.branch_points", search)
+    found = trace(held_upright(3e-8), "w2", 11.0)
+    assert found.stopped == "it reached the goal" and not found.marks
+    assert len(searches) <= 2
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("e", "index"), [(1e-5, 0), (1e-9, 1)])
+def test_a_pitchfork_is_one_if_it_is_imperfect_by_no_more_than_the_tolerance(e, index):
+    found = trace(held_upright(e), "w2", 11.0)
     assert found.stopped == "it reached the goal" and found.indices[-1] == index
     assert [m.value for m in found.marks] == pytest.approx([np.pi**2] * index, abs=1e-7)
     a, b = found.paths[-1](0.5)
@@ -245,10 +263,18 @@ def test_branches_that_miss_each_other_have_no_mark():
     assert far is not None
     sides = (asked.discrete.z, 2.9), (far.z, 3.4)
     before = branch.solves
-    assert branch_points(branch, sides[0], sides[1], 2, 1e-5) is None
+    missed = branch_points(branch, sides[0], sides[1], 2, 1e-5)
     assert branch.solves == before + 3  # the first step of each tells it
+    assert isinstance(missed, Miss) and missed.apart**2 > 1e-5
+    reach = branch.norm(far.tr, np.r_[far.z - asked.discrete.z, 0.5])
+    assert missed.along == pytest.approx((np.pi - 2.9) / 0.5 * reach, rel=0.1)
     found = branch_points(branch, sides[0], sides[1], 2, 1.0)
     assert found is not None and [p.s for p in found] == pytest.approx([np.pi] * 2)
+
+
+def test_a_mesh_that_is_refined_resolves_points_ahead():
+    asked = scenes.get("double_pendulum").problem
+    assert trace(asked, "t1", 1.5 * asked.end.t).stats["meshes"] == 2
 
 
 @pytest.fixture

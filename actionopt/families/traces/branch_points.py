@@ -15,6 +15,8 @@ Govaerts, *Numerical Methods for Bifurcations of Dynamical Equilibria* (2000), c
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from actionopt.analysis.quadratic.assembled import scattered_numbers
@@ -35,6 +37,13 @@ REMAINDER = 1e-6  # what is left of right sides: Newton's method corrects the re
 DIFFERENCED = 1e-4
 
 
+class Miss(NamedTuple):
+    """Where branches miss each other: so far along a chord, and by the square of `apart`."""
+
+    along: float
+    apart: float  # of hyperbolas, amplitude times arclength
+
+
 @immutable
 class _Reduced:
     """The reduced equations beta(a, u) at a path, with their first and second derivatives."""
@@ -53,11 +62,11 @@ class _Reduced:
 
 def branch_points(
     branch: Branch, here: tuple[Array, float], there: tuple[Array, float], change: int, gap: float
-) -> list[BranchPoint] | None:
+) -> list[BranchPoint] | Miss | None:
     """Return the points between two ones, each (z, s), where the index changes by one at a time.
 
-    By `change` in all. None where they are not found, or where branches miss each other by more
-    than `gap` to either side.
+    By `change` in all. Or the first place where branches miss each other, amplitude times
+    arclength more than `gap`. None where nothing is found.
     """
     chord = np.r_[there[0] - here[0], there[1] - here[1]]
     middle = np.r_[here[0], here[1]] + chord / 2
@@ -67,7 +76,9 @@ def branch_points(
             found = [_locate(branch, middle, chord, near, k, x, gap) for k, x in enumerate(parts)]
         except np.linalg.LinAlgError:
             return None
-    points = [point for point in found if point is not None]
+    if missed := [point for point in found if isinstance(point, Miss)]:
+        return min(missed)
+    points = [point for point in found if isinstance(point, BranchPoint)]
     return points if len(points) == abs(change) else None
 
 
@@ -101,10 +112,10 @@ def _estimate(
 
 def _locate(
     branch: Branch, middle: Array, chord: Array, near: Array, k: int, part: float, gap: float
-) -> BranchPoint | None:
+) -> BranchPoint | Miss | None:
     """Return the point near `part` of the chord where the k-th eigenvalue of M vanishes; or None.
 
-    `near` (size, m) are near null vectors there.
+    Or where branches miss each other there. `near` (size, m) are near null vectors there.
     """
     y = middle + part * chord
     for _ in range(MOST_STEPS):
@@ -124,7 +135,7 @@ def _locate(
         reach = branch.norm(tr, chord)
         apart = branch.norm(tr, off) * reach
         if apart * (1 - size / reach) > gap:  # it changes by such parts
-            return None
+            return Miss((0.5 + part) * reach, float(np.sqrt(apart)))
         if size < SETTLED_POINT:
             is_met = abs(part) <= 0.5 and apart <= gap
             return BranchPoint(tr, y[:-1], float(y[-1]), at.along) if is_met else None

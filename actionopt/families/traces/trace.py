@@ -38,7 +38,7 @@ from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
 from actionopt.discrete.newton.discrete_path import DiscretePath
 from actionopt.families.traces.branch import INTERRUPTED, Trace
-from actionopt.families.traces.branch_points import branch_points
+from actionopt.families.traces.branch_points import Miss, branch_points
 from actionopt.families.traces.marks import Mark, Step, locate
 from actionopt.families.vary import Name, present, with_values
 from actionopt.mechanics.question.held import Held, contacts_of
@@ -70,6 +70,12 @@ TRACE_RESOLUTION = 1e-5
 # for ones that cross. Measured: ones that do have up to .35, and imperfections of an end 2.2 times
 # their size.
 BRANCH_GAP = 3.0
+# How far ahead of where branches miss each other a step is to end, in parts of how much they do.
+# Derived: the hyperbola a x = apart^2 has turned by 6 degrees at x = 3 apart.
+SHORT_OF_TURN = 3.0
+# What a mesh leaves out once it is refined, in parts of `tol`: the next points are resolved, too.
+# Measured on chains of 15 to 25 links: of 10 to 12 meshes 6 are left, at 1e-2 4.
+SPARE_TAILS = 0.1
 # Points in a row at which only the signs on the path's own mesh are counted, as long as they stay
 # what they were where the mesh was found to resolve the neighbours of a path, too. Ad hoc.
 COUNTED_ON_MESH = 7
@@ -262,6 +268,9 @@ class _TraceRun:
     # Points since the index was counted with all that tells it, and what the mesh told there; None
     # where it told another one.
     counted: tuple[int, int] | None = None
+    # The length of a step from the last point that ends short of where it turns, as another branch
+    # is near, and that of the next one.
+    turn: tuple[float, float] | None = None
     meshes: int = 1
     solves: int = 0
 
@@ -354,7 +363,7 @@ class _TraceRun:
         marks = self._marks(here, there, index)
         if marks is None:
             self.counted = counted
-            return length / 2
+            return length / 2 if self.turn is None else self.turn[0]
         self.marks += marks
         self._append(there, index)
         there = self.here
@@ -373,6 +382,9 @@ class _TraceRun:
             )
             return length
         self._refine()
+        turn, self.turn = self.turn, None
+        if turn is not None and turn[0] == length:
+            return turn[1]
         return min(1.5 * length, LONGEST_STEP) if factorized <= 1 else length
 
     def _halve(self, length: float, shortest: float, why: str) -> float:
@@ -548,7 +560,8 @@ class _TraceRun:
             return self._widen_window(point)
         tr, Q = point.at.tr, point.at.Q
         sizes = np.max(np.abs(Q), axis=0)
-        mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
+        resolved = partial(finer, tr.mesh, Q=Q / np.maximum(sizes, tr.lengths))
+        mesh = resolved(self.tol) and resolved(self.tol * SPARE_TAILS)
         if mesh is None and self._misses(point):
             mesh = split(tr, point.at.z)
         if mesh is None and self._drifts(point):
@@ -631,6 +644,10 @@ class _TraceRun:
             marks.append(self._mark("fold", found or there, before, after))
         elif after != before:
             found = self._branch_points(here, there, after - before)
+            if isinstance(found, Miss):
+                ahead = found.along - SHORT_OF_TURN * found.apart
+                again = self.turn is not None or not found.apart < ahead < step.length
+                self.turn, found = None if again else (ahead, found.apart), None
             if found is None and not short:
                 return None
             way = 1 if after > before else -1
@@ -657,8 +674,8 @@ class _TraceRun:
 
     def _branch_points(
         self, here: BranchPoint, there: BranchPoint, change: int
-    ) -> list[BranchPoint] | None:
-        """Return the points between two ones at which the index changes; None if there are none."""
+    ) -> list[BranchPoint] | Miss | None:
+        """Return the points between two ones at which the index changes; see `branch_points`."""
         branch, low, high = self.branch, here.z, there.z
         if not (isinstance(there.tr, Bordered) or branch.arcs or there.at.problem.is_course):
             form = assemble(there.at, self.tol, TRACE_RESOLUTION)
