@@ -225,6 +225,33 @@ def test_one_degree_of_freedom_is_scanned_without_other_searches():
     assert found.searched["straight lines"] == 1
 
 
+@pytest.mark.long
+def test_no_other_way_is_tried_for_what_only_much_faster_motions_leave_open():
+    """Those beyond the speeds that forces tell end too close together for their integration."""
+    law = lambda q, v, t: (v @ v - q @ q) / 2 - 0.3 * q[0] ** 4 / 4 - np.cos(2 * q[0])  # noqa: E731
+    problem = ao.Problem(ao.System(law, ["x"]), ao.Event(0.0, 0.5), ao.Event(4.0, 0.7))
+    found = ao.solve_all(problem)
+    assert set(found.searched) == {"straight lines", "forward shots"}
+    slow = [float(path.start.v[0]) for path in found if abs(path.start.v[0]) < 12.0]
+    assert len(slow) == _count_arrivals(problem, 12.0)
+
+
+def _count_arrivals(problem, fastest):
+    """Count the velocities at which motions of unit mass arrive, by scipy's integrator."""
+    scipy = pytest.importorskip("scipy.integrate")
+    v0 = np.linspace(-fastest, fastest, 2001)
+
+    def rates(t, y):
+        q, v = np.split(y, 2)
+        return np.concatenate([v, -q - 0.3 * q**3 + 2 * np.sin(2 * q)])
+
+    y0 = np.concatenate([np.full(v0.size, problem.start.q[0]), v0])
+    times = problem.start.t, problem.end.t
+    ends = scipy.solve_ivp(rates, times, y0, method="DOP853", rtol=1e-9, atol=1e-9).y[: v0.size, -1]
+    miss = ends - problem.end.q[0]
+    return int(np.sum(miss[:-1] * miss[1:] < 0))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "ends", "duration", "velocities"),

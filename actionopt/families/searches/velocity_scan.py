@@ -35,8 +35,8 @@ def scan(problem: Problem, far: Array, goals: Array, count: int) -> tuple[Array,
     """Return the velocities (n, K) at which motions arrive at goals (n, G), and at which of them.
 
     And how many velocities were sampled, and whether the motions with those of them could be
-    followed, `count` at least, that are as fast as `far` (n,) and the forces between the events
-    tell.
+    followed and told apart, `count` at least, that are as fast as `far` (n,) and the forces
+    between the events tell.
     """
     v = _grid(problem, far, count)
     faster = (v.shape[1] - count) // 2
@@ -57,9 +57,10 @@ def scan(problem: Problem, far: Array, goals: Array, count: int) -> tuple[Array,
             break
     found, which, sharp = _roots(problem, v, ends, goals, along, size)
     since, until = np.linalg.norm(slow - v[:, :1], axis=0)
-    way = np.linalg.norm(v - v[:, :1], axis=0)
+    way, there = (np.linalg.norm(a - v[:, :1], axis=0) for a in (v, found))
     known = np.isfinite(ends[:, (since <= way) & (way <= until)]).all()
-    return found, which, v.shape[1], bool(known and not sharp.any())
+    unsure = sharp & (since <= there) & (there <= until)
+    return found, which, v.shape[1], bool(known and not unsure.any())
 
 
 def _grid(problem: Problem, far: Array, count: int) -> Array:
