@@ -164,6 +164,30 @@ def test_a_fall_from_rest_is_a_cycloid(x, depth, tol):
     assert fall.compare().agrees
 
 
+@pytest.mark.parametrize("x, depth", [(2.63, 0.27), (8.1, 0.44)])
+def test_a_fall_that_rises_again(x, depth):
+    """It is far from the line to its end, and S is lower beyond y = 0 than anywhere above."""
+    R, angle = roll(x, depth)
+    fall = ao.solve(ao.Problem(BRACHISTOCHRONE, REST, ao.Event(1, [x, depth])), tol=1e-9)
+    assert abs(fall.action - R * angle**2 / 2) < 1e-11 * x and fall.morse_index == 0
+    start = 0.001
+    low = ao.Problem(BRACHISTOCHRONE, ao.Event(0, [0, start]), ao.Event(1, [x, depth]))
+    assert ao.solve(low, tol=1e-9).action < fall.action
+
+
+def test_a_fall_that_rises_again_in_a_field_that_weakens():
+    """By Snell's law, sin^2 phi = U / U_m: T = int sqrt(2 U_m) / U' dphi of U = y / (1 + y)."""
+    Um, last = 0.5, 2.6
+    phi, w = np.polynomial.legendre.leggauss(60)
+    phi, w = last * (1 + phi) / 2, last * w / 2
+    slope = lambda phi: (1 - Um * np.sin(phi) ** 2) ** 2  # noqa: E731
+    end = w @ (2 * Um * np.sin(phi) ** 2 / slope(phi)), 1 / np.sqrt(slope(last)) - 1
+    T = w @ (np.sqrt(2 * Um) / slope(phi))
+    light = ao.System(lambda q, v, t: (v @ v) * (1 + q[1]) / (4 * q[1]), ["x", "depth"])
+    for ends in (REST, ao.Event(1, end)), (ao.Event(0, end), ao.Event(1, [0, 0])):
+        assert abs(ao.solve(ao.Problem(light, *ends), tol=1e-9).action - T**2 / 2) < 1e-11
+
+
 @pytest.mark.long
 def test_a_fall_that_is_run_backwards_is_the_same():
     R, angle = roll(1.0, 0.7)

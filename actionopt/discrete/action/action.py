@@ -879,13 +879,14 @@ class Action:
         self.counts["second"] += 1
         return function(point.at, point.v, self.times, p)
 
-    def keep_second(self, x: Array) -> None:
-        """Keep what `second` returns at x, until it is asked for at another."""
+    def keep_second(self, x: Array) -> list[Array]:
+        """Return `second` at x and keep it until it is asked for at another; [] where constant."""
         if self.problem.system.structure.steady_forces:
-            return
+            return []
         point = self.place(x)
         if point.second is None:
             point.second = [values.copy() for values in self.second(x)]
+        return point.second
 
     def forces(self, x: Array) -> list[Array]:
         """Return the nonzeros of dQ/dq and dQ/dv, each (evaluations, nonzeros)."""

@@ -6,6 +6,9 @@ on every mesh and large mu gives the steepest descent of smooth paths (Neuberger
 and Differential Equations* (2010), chapter 4); mu is adapted as in Levenberg and Marquardt's
 method. As H = K - V, that is (K - V / (1 + mu)) step = -grad S: one stiff variation, which asks for
 a large mu, does not shorten the steps along all the others, as it would without the factor.
+
+Beyond a place where L is infinite, such as y = 0 of v^2 / y, it may be lower than anywhere: steps
+to where an inertia is not positive any more are taken again from before, with a larger mu.
 """
 
 from __future__ import annotations
@@ -59,6 +62,7 @@ def descend(
     they will. Where S bends down along a variation `along` (size,), smaller shifts are not tried.
     """
     mu, lower_mu, count, first, last, least = 0.0, 0.0, 0, z, None, None
+    inertias, back = _inertias(tr), None
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
         while count < DESCENT_STEPS and np.abs(z).max() < far:
@@ -67,9 +71,11 @@ def descend(
                 if _falls(tr, first, z - first):
                     return Descended(z, False, True, count)
                 looked = 2 * farthest
-            here = _Curvature(tr, z)
+            here = _Curvature(tr, z, inertias)
             if not np.isfinite(here.H).all():
                 break
+            if back is not None and not here.has_mass:
+                z, action, gradient, here, mu = back
             # Asked where a shift has failed, and then as long as S bends down along the last step.
             bends = least is not None and least > 0
             least = here.least_mu(last) if bends and last is not None else None
@@ -96,13 +102,17 @@ def descend(
                 if mu > LARGEST_MU:
                     return Descended(z, False, _runs_away(tr, first, z), count)
                 factors = here.shifted(mu)
+            more = max(RAISE_MU * mu, lower_mu, FIRST_MU)
+            varies = inertias is not None and here.has_mass
+            back = (z, action, gradient, here, more) if varies else None
             before, (z, action) = z, lower
             last = z - before
             gradient = tr.gradient(z)
             whole = (z == before + step).all()
             if mu == 0.0 and whole:
                 second = factors.solve(gradient)
-                if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
+                near = np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step)
+                if near and (back is None or _has_mass(tr, z - second, inertias)):
                     return Descended(z - second, True, False, count)
             lower_mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
             mu = 0.0 if whole else lower_mu
@@ -112,9 +122,9 @@ def descend(
 class _Curvature:
     """The Hessian H of S at a path, and its kinetic part K, which is computed when it is needed."""
 
-    def __init__(self, tr: Transcription, z: Array) -> None:
+    def __init__(self, tr: Transcription, z: Array, inertias: Array | None) -> None:
         self.tr, self.z = tr, z
-        tr.keep_second(z)
+        self.has_mass = _has_mass(tr, z, inertias)
         self.H = tr.kkt(z)
 
     @cached_property
@@ -145,6 +155,21 @@ class _Curvature:
         """
         away, metric = loose_constants(self.tr), Factors(self.tr.layout, self.K)
         return away if away.any() or not metric.definite() else metric.solve(gradient)
+
+
+def _inertias(tr: Transcription) -> Array | None:
+    """Return which nonzeros of L_vv are on its diagonal, (nonzeros,); None where it is constant."""
+    system = tr.problem.system
+    if system.structure.constant_mass:
+        return None
+    rows, cols = system.pointwise("second").sparsity(2)
+    return rows == cols
+
+
+def _has_mass(tr: Transcription, z: Array, inertias: Array | None) -> bool:
+    """Whether all inertias that vary are positive at all nodes; second derivatives are kept."""
+    kept = tr.keep_second(z)
+    return inertias is None or bool((kept[2][:, inertias] > 0).all())
 
 
 def loose_constants(tr: Transcription) -> Array:
