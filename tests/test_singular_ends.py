@@ -322,15 +322,18 @@ def test_a_lagrangian_is_asked_at_velocities_below_its_limit_too():
     assert not nonfinite(problem, np.zeros(1), 0.0, np.array([3.0]))
 
 
-@pytest.mark.parametrize(("power", "T"), [(0.0015, 1.0), (0.05, 2.4)])
+@pytest.mark.parametrize(
+    ("power", "T"), [(0.0015, 1.0), (0.05, 2.4), (-0.1, 1.7), (-0.9, 1.7), (-0.95, 2.4)]
+)
 @pytest.mark.parametrize("back", [False, True])
-def test_second_derivatives_where_inertia_vanishes_slowly(power, T, back):
+def test_derivatives_where_inertia_vanishes_slowly_or_is_infinite(power, T, back):
     """S = (1 - a) (q1 - q0)^2 / (2 T^(1 - a)) of L = t^a v^2 / 2, and of the motion run back."""
     system = ao.System(lambda q, v, t: (T - t if back else t) ** power * v[0] ** 2 / 2, ["x"])
-    found = ao.solve(ao.Problem(system, ao.Event(0, [0.3]), ao.Event(T, [-0.4]))).sensitivity()
-    exact = (1 - power) / T ** (1 - power)
+    path = ao.solve(ao.Problem(system, ao.Event(0, [0.3]), ao.Event(T, [-0.4])))
+    found, exact = path.sensitivity(), (1 - power) / T ** (1 - power)
     for value in (found.q0q0, -found.q0q1, found.q1q1):
         assert value[0, 0] == pytest.approx(exact, rel=1e-10)
+    assert np.array(path.momenta) == pytest.approx(-0.7 * exact, rel=1e-9)
 
 
 def test_second_derivatives_beside_boundary_layers_of_a_millionth():

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.borders.surfaces import reactions, surface_at
 from actionopt.discrete.matrices.blocks import in_parts
+from actionopt.discrete.meshes.mesh import rise
 from actionopt.discrete.newton.discrete_path import DiscretePath, dependent
 from actionopt.mechanics.laws.compiled import Pointwise
 from actionopt.mechanics.laws.laws import keep
@@ -43,9 +44,6 @@ DELAYED_PIVOT = 1e-5  # pivots below this fraction of their block's largest wait
 BALANCED = 5  # rounds, each takes units to their roots
 BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
 ASSUMED_ERROR = 1e-3  # of a path whose own is not known
-# Of the duration: the first or last element below which ends move along lines. Derived: round-off
-# of its entries is EPS / 1e-6 of a second derivative, which has ten digits.
-SHORT_END = 1e-6
 MATRICES_AT_ONCE = 3  # products over all coordinates of an element, of some elements at once
 
 
@@ -251,13 +249,12 @@ def ends_hessian(form: Form) -> Array:
     """Return (k0 + k1, k0 + k1) derivatives of the action, by directions pinned at start and end.
 
     Where L_vv is infinite at an end, or elements there are so short that they show a singularity,
-    an end that moves takes the whole path along a straight line: entries of single nodes cancel to
+    an end that moves takes the whole path along a line (`rise`): entries of single nodes cancel to
     what is left when those between are eliminated, a part of 1e-6 or of the element's length, and
     those of lines hardly. Under constraints, which lines leave, as they are.
     """
     mesh, r, lines = form.tr.mesh, form.freedom, sum(form.pinned)
-    short = min(mesh.lengths[0], mesh.lengths[-1]) < SHORT_END * mesh.duration
-    if form.tr.problem.system.m or not (short or any(mesh.singular_ends)):
+    if form.tr.problem.system.m or not mesh.moves_along_lines:
         return condense(form).hessian
     lifted, (begun, ended) = _lift_ends(form), form.pinned
     if not any(mesh.singular_ends):
@@ -298,14 +295,13 @@ def _lift_ends(form: Form) -> list[Array]:
         done, left = (abs(g.rule.nodes - end)[:, None, None] for end in g.rule.nodes[[0, -1]])
         for i, e in enumerate(g.elements):
             span, half = slice(g.span.start + i * k, g.span.start + (i + 1) * k), tr.half[e]
-            Z, parts = form.basis[g.nodes[i]], ends / tr.mesh.duration
+            Z = form.basis[g.nodes[i]]
             # Each from its own end, so that what is left by a singular one has its digits.
-            before, after = (
-                since[e] - since[0] + half * done,
-                since[-1] - since[e + 1] + half * left,
-            )
-            lines = parts * np.where(rising, before, after)
-            turns = parts * half * np.tensordot(D, np.where(rising, done, left), 1)
+            before = since[e] - since[0] + half * done
+            after = since[-1] - since[e + 1] + half * left
+            up, down, rate = rise(before, after, tr.mesh.singular_ends)
+            lines = ends * np.where(rising, up, down)
+            turns = ends * half * np.where(rising, rate, -rate)
             nodal, slopes = (
                 np.einsum("kj,jxr->kxjr", X, Z).reshape(*Z.shape[:2], -1) for X in (np.eye(k), D)
             )

@@ -278,7 +278,8 @@ def _reaction(
 def _second_alone(at: DiscretePath, error: float) -> tuple[Array, Array, Array]:
     """Return the second derivatives of a path between two events, each (n, n)."""
     problem = at.problem
-    if not problem.system.m or len(problem.start.pinned) == len(problem.end.pinned):
+    even = len(problem.start.pinned) == len(problem.end.pinned)
+    if not any(at.mesh.singular_ends) and (not problem.system.m or even):
         form = assemble(at, error, SENSITIVITY_RESOLUTION)
         found = None if form is None else _second_assembled(form)
         if found is not None:

@@ -27,7 +27,7 @@ import numpy as np
 
 from actionopt.discrete.matrices.layout import layout_for
 from actionopt.discrete.meshes.boundaries import boundaries_at, find_boundaries, sides
-from actionopt.discrete.meshes.mesh import Mesh, with_singular_ends
+from actionopt.discrete.meshes.mesh import Mesh, rise, with_singular_ends
 from actionopt.discrete.meshes.nodal import Term, rest_action, terms
 from actionopt.mechanics.question.problem import Problem
 from actionopt.mechanics.question.scales import diagonal, ends_of
@@ -339,10 +339,10 @@ class Action:
         start, end = ends_of(self.problem)
         if self.problem.advance is not None:
             end = self.problem.closed_from(start)
-        s = self.mesh.nodes_since / self.mesh.duration
-        if RESTING in self.mesh.singular_ends:  # as fast as it can be that begins and ends there
-            begins, ends = (x == RESTING for x in self.mesh.singular_ends)
-            s = s * s * (3 - 2 * s) if begins and ends else s * s if begins else s * (2 - s)
+        since, T = self.mesh.nodes_since, self.mesh.duration
+        s = since / T
+        if RESTING in self.mesh.singular_ends:
+            s = rise(since, T - since, self.mesh.singular_ends)[0]
         return start + s[:, None] * (end - start)
 
     def _straight_through(self) -> Array:

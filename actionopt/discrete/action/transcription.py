@@ -9,6 +9,7 @@ import numpy as np
 from actionopt.discrete.action import assemble_blocks, second_quadrature
 from actionopt.discrete.action.action import Action
 from actionopt.discrete.matrices.factors import expected_seconds
+from actionopt.discrete.meshes.mesh import rise
 from actionopt.mechanics.question.scales import diagonal
 from actionopt.tools.cached import cached_property
 from actionopt.tools.median import median
@@ -180,10 +181,21 @@ class Transcription(Action):
         """Return p(t0) = -dS/dq0 and p(t1) = +dS/dq1, each (n,): Hamilton and Jacobi's identities.
 
         Where L contains accelerations, those by the velocities stand behind (Ostrogradsky).
-        With constraints they are known only up to the constraints' normals.
+        With constraints they are known only up to the constraints' normals. Where the first or last
+        element is short, or open, an end moves along a line: what Newton's method leaves in the
+        forces at single nodes there, as small as it is in their places, does not count then.
         """
         gradient = self._first(z[: self.layout.unknowns])[1].reshape(self.layout.node_count, -1)
-        return -gradient[0], gradient[-1].copy()
+        mesh, joints = self.mesh, self.joints
+        if self.order > 1 or self.layout.rows or self.nodal or not mesh.moves_along_lines:
+            return -gradient[0], gradient[-1].copy()
+        (begin, end), since = mesh.singular_ends, mesh.nodes_since
+        first, last = slice(joints[1] + 1), slice(joints[-2], None)
+        one = len(joints) == 2
+        done, left = since[first], since[joints[1]] - since[first]
+        p0 = -rise(done, left, (begin, end if one else 0))[1] @ gradient[first]
+        done, left = since[last] - since[joints[-2]], since[-1] - since[last]
+        return p0, rise(done, left, (begin if one else 0, end))[0] @ gradient[last]
 
     def pulls(self, z: Array) -> Array:
         """Return dS/dq at all events, (k + 2, n): between the ends p before them minus p after."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from actionopt.tools.cached import cached_property
 from actionopt.tools.checks import number, numbers, whole
 from actionopt.tools.immutable import immutable, make_unchecked
-from actionopt.tools.lobatto import Rule, lgl, open_rule
+from actionopt.tools.lobatto import RESTING, Rule, lgl, open_rule
 from actionopt.tools.types import Array, NDInt
 
 MAX_DEGREE = 64  # ad hoc; the slopes of a sine have still 12 digits there
@@ -31,6 +31,9 @@ class Group:
 # Nodes up to which shapes are kept, and how many, the latest used: some ten MB at most, with all
 # that is numbered by them (`layout`); ad hoc.
 KEPT_NODES, SHAPES_KEPT = 2**10, 64
+# Of the duration: the first or last element below which ends move along lines. Derived: round-off
+# of its entries is EPS / 1e-6 of a second derivative, which has ten digits.
+SHORT_END = 1e-6
 
 
 class Elements:
@@ -220,6 +223,12 @@ class Mesh:
         made = _shape if sum(self.degrees) <= KEPT_NODES else Elements
         return made(self.degrees, self.singular_ends)
 
+    @property
+    def moves_along_lines(self) -> bool:
+        """Whether an end moves along a line over the path: it is singular, or an element short."""
+        short = min(self.lengths[0], self.lengths[-1]) < SHORT_END * self.duration
+        return bool(short or any(self.singular_ends))
+
     @cached_property
     def offsets(self) -> NDInt:
         """Index of each element's first node, and of the last node: shape (N + 1,)."""
@@ -279,6 +288,23 @@ def with_singular_ends(mesh: Mesh, singular_ends: tuple[int, int]) -> Mesh:
     ends = [e for e, end in zip((0, -1), singular_ends, strict=True) if end]
     degrees[ends] = np.maximum(degrees[ends], 2)
     return restore_mesh(mesh.boundaries, mesh.since, degrees, singular_ends)
+
+
+def rise(before: Array, after: Array, ends: tuple[int, int]) -> tuple[Array, Array, Array]:
+    """Return a curve from 0 to 1, at times `before` and `after` its ends: it, the rest, its rate.
+
+    Straight, but at rest where an end is `RESTING`, as a path is there.
+    """
+    T = before + after
+    s, left = before / T, after / T
+    from_rest, to_rest = (end == RESTING for end in ends)
+    if from_rest and to_rest:
+        return s * s * (s + 3 * left), left * left * (left + 3 * s), 6 * s * left / T
+    if from_rest:
+        return s * s, left * (1 + s), 2 * s / T
+    if to_rest:
+        return s * (1 + left), left * left, 2 * left / T
+    return s, left, 1 / T
 
 
 def restore_mesh(

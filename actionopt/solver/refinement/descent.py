@@ -122,7 +122,7 @@ def descend(
 class _Curvature:
     """The Hessian H of S at a path, and its kinetic part K, which is computed when it is needed."""
 
-    def __init__(self, tr: Transcription, z: Array, inertias: Array | None) -> None:
+    def __init__(self, tr: Transcription, z: Array, inertias: Array | None = None) -> None:
         self.tr, self.z = tr, z
         self.has_mass = _has_mass(tr, z, inertias)
         self.H = tr.kkt(z)
