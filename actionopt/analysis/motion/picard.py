@@ -43,6 +43,9 @@ from actionopt.tools.types import EPS, Array
 # Ad hoc, where nothing else is said.
 POINTS_A_DIGIT = 1.2  # of the tolerance, in a panel: halves of it are taken where these are too few
 FEWEST_POINTS = 8
+# Where accelerations are quotients, which cost less than the calls of numpy around them: how many
+# are asked for at once before a panel is cut; flat from 30 to 50 on lattices of 10 to 160 masses.
+MOST_POINTS = 40
 PICARD_ROUNDS = (
     24  # of iteration: what contracts by half ends at round-off by then, from a hundredth
 )
@@ -64,15 +67,14 @@ class Curve(Protocol):
 class _Rule(NamedTuple):
     """Gauss's k points in [0, 1], and integrals of the polynomials through values there.
 
-    Matrices that map values to the coefficients of
-    Legendre's polynomials (k, k), to integrals from 0 to the points and to 1 (k + 1, k), and to
-    the integrals of these.
+    Matrices that map values to the coefficients of Legendre's polynomials (k, k); and to integrals
+    of integrals, and to integrals, from 0 to the points and to 1 (2, 1, k + 1, k).
     """
 
     points: Array
+    ends: Array  # (k + 1, 1): the points and 1
     coefficients: Array
-    once: Array
-    twice: Array
+    integrals: Array
 
 
 @cache
@@ -80,9 +82,11 @@ def _rule(count: int) -> _Rule:
     """Return the rule of so many points."""
     x, w = np.polynomial.legendre.leggauss(count)
     coefficients = (np.arange(count)[:, None] + 0.5) * legendre(count - 1, x) * w
-    once, twice = (each.T @ coefficients for each in _integrals(count, np.append(x, 1.0)))
+    integrals = [each.T @ coefficients for each in _integrals(count, np.append(x, 1.0))[::-1]]
     points = (x + 1) / 2
-    return _Rule(points, coefficients, once, twice)
+    return _Rule(
+        points, np.append(points, 1.0)[:, None], coefficients, np.stack(integrals)[:, None]
+    )
 
 
 def _integrals(count: int, x: Array) -> tuple[Array, Array]:
@@ -98,14 +102,13 @@ def _integrals(count: int, x: Array) -> tuple[Array, Array]:
 
 
 class _Panels(NamedTuple):
-    """A motion on P panels: where they begin, in parts of the whole, and scaled q and v (P, n).
+    """A motion on P panels: where they begin, in parts of the whole, and scaled q and v (P, 2, n).
 
-    And coefficients (P, n, k) of Legendre's polynomials for the rates of v.
+    And coefficients (P, k, n) of Legendre's polynomials for the rates of v.
     """
 
     begins: Array
-    q: Array
-    v: Array
+    states: Array
     rates: Array
 
 
@@ -141,55 +144,65 @@ class FlowAbout(Flow):
 
         At the parts `s` (K,) of the time between; None where that does not settle it.
         """
-        rule, n = _rule(max(_points(tolerance), int(np.ceil(1 / longest)))), units.q.size
-        last = rule.coefficients.T @ _integrals(rule.points.size, 2 * s - 1)[1]
+        wanted = int(np.ceil(self.often / 2 / longest))
+        rule, n = _rule(max(_points(tolerance), wanted)), units.q.size
+        last = _integrals(rule.points.size, 2 * s - 1)[1].T @ rule.coefficients
         enough = max(tolerance, LEAST_CHANGE)
         most, found = max(AT_ONCE // (rule.points.size * 8 * n), 1), []
         for first in range(0, len(asked), most):
             states, ends = zip(*asked[first : first + most], strict=True)
             times = np.array([state.t for state in states])
             span = np.array([span_within(*both) for both in zip(times.tolist(), ends, strict=True)])
-            here = np.array([[*(at.q / units.q), *(at.v / units.v)] for at in states])[:, :, None]
-            turn = span[:, None, None] * (units.v / units.q)[:, None]
-            x = _shifted(_near(self.curve, times, span, rule, units), here, turn, rule.points)
-            rates = self.rates(times, span, DRIFT_RATE / span, units, rule.points.size)
+            here = np.array([[at.q / units.q for at in states], [at.v / units.v for at in states]])
+            turn = span[:, None, None] * (units.v / units.q)
+            of = np.column_stack([times, span, DRIFT_RATE / span]).repeat(rule.points.size, axis=0)
+            rates = self.rates(of, units)(np.tile(rule.points, len(states))[:, None])
+            about = _near(self.curve, times, span, rule, units)
             with np.errstate(all="ignore"):
-                a, settled = _settle(rates, x, here, turn, (0.0, 1.0), rule, enough)
-                q = units.q[:, None] * (here[:, :n] + turn * (here[:, n:] * s + a @ last))
+                a, _, settled = _settle(rates, about, here[:, :, None], turn, 1.0, rule, enough)
+                q, v = here[:, :, None]
+                q = units.q * (q + turn * (v * s[:, None] + last @ a))
             t = times[:, None] + s * span[:, None]
-            found += [each if good else None for *each, good in zip(t, q, settled, strict=True)]
+            found += [
+                (*each, y.T) if good else None for *each, y, good in zip(t, q, settled, strict=True)
+            ]
         return found
 
-    def rates(
-        self, start: ArrayLike, span: ArrayLike, rate: ArrayLike, units: FlowUnits, points: int
-    ) -> Callable[[Array], Callable[[Array], Array]]:
-        """Return what makes of scaled times (K, 1) the rates of scaled v (K, n) for P motions.
+    def rates(self, of: Array, units: FlowUnits) -> Callable[[Array], Callable[[Array], Array]]:
+        """Return what makes of scaled times (K, 1) the rates of scaled v (K, n) for motions.
 
-        As a function of scaled q and v (K, 2 n) there: so many points of each motion.
+        As a function of scaled q and v (2, K, n) there. `of` (K, 3) are the time at which each
+        begins, how long it lasts and Baumgarte's rate; or (1, 3).
         """
         system = self.system
         n, packed = system.n, system.table.pack(system.table.values(self.parameters))
-        times = np.column_stack([start, span, rate]).repeat(points, axis=0)
         if system.has_diagonal_mass and not system.m:
-            motion, factor = system.pointwise("even_motion"), times[:, 1:2] / units.v
-            sizes = np.concatenate([units.q, units.v])
+            motion, factor = system.pointwise("even_motion"), of[:, 1:2] / units.v
+            sizes = np.stack([units.q, units.v])[:, None]
 
             def quotients(s: Array) -> Callable[[Array], Array]:
-                t = times[:, :1] + s * times[:, 1:2]
+                t = of[:, :1] + s * of[:, 1:2]
 
                 def rates(x: Array) -> Array:
-                    there = x * sizes
-                    mass, bias = motion(there[:, :n], there[:, n:], t, packed)
+                    mass, bias = motion(*(x * sizes), t, packed)
                     return bias / mass * factor
 
                 return rates
 
             return quotients
         made = system.memoize("scaled", lambda: Pointwise(scaled_motion(system)))
-        same = packed, times, units.q[None], units.v[None], units.rows[None]
-        count, none = len(times), np.zeros((len(times), 0))
-        values = np.concatenate([np.broadcast_to(x, (count, x.shape[1])) for x in same], axis=1)
-        return lambda s: lambda x: made(s, x, none, values, none)[0][:, n:]
+        same = packed, of, units.q[None], units.v[None], units.rows[None]
+        values = np.concatenate([np.broadcast_to(x, (len(of), x.shape[1])) for x in same], axis=1)
+        none = np.zeros((1, 0))
+        return lambda s: lambda x: made(s, np.concatenate(x, axis=1), none, values, none)[0][:, n:]
+
+    @property
+    def often(self) -> float:
+        """How often forces are evaluated while CVODES would take a step that is as long as may be.
+
+        It evaluates them twice. What acts for a moment is told by how often.
+        """
+        return 2 if self.system.structure.depends_on_time else 1
 
     @cached_property
     def noise(self) -> Array:
@@ -203,58 +216,49 @@ def _points(tolerance: float) -> int:
 
 
 def _near(curve: Curve, start: Array, span: Array, rule: _Rule, units: FlowUnits) -> Array:
-    """Return scaled q and v (P, 2 n, k + 1) of the curve at each panel's start and points."""
+    """Return scaled q and v (2, P, k + 1, n) of the curve at each panel's start and points."""
     t = start[:, None] + span[:, None] * np.append(0.0, rule.points)
     at = np.clip(t, *np.sort([start, start + span], axis=0)[:, :, None]).ravel()
-    both = curve(at) / units.q[:, None], curve.velocity(at) / units.v[:, None]
-    return np.concatenate(both).reshape(-1, *t.shape).transpose(1, 0, 2)
-
-
-def _shifted(x: Array, here: Array, turn: Array, since: Array) -> Array:
-    """Return q and v (P, 2 n, k) at the points, moved to a motion that begins beside the curve."""
-    off, n = here - x[:, :, :1], here.shape[1] // 2
-    x = x[:, :, 1:] + off
-    x[:, :n] += turn * off[:, n:] * since
-    return x
+    both = np.stack([curve(at).T / units.q, curve.velocity(at).T / units.v])
+    return both.reshape(2, *t.shape, -1)
 
 
 def _settle(
-    rates: Callable[[Array], Callable[[Array], Array]],
-    x: Array,
+    rates: Callable[[Array], Array],
+    about: Array,
     start: Array,
     turn: Array,
-    when: tuple[float, float],
+    h: float,
     rule: _Rule,
     enough: float,
-) -> tuple[Array, Array]:
-    """Return the rates of v (P, n, k) on P panels, and which of them (P,) are settled.
+) -> tuple[Array, Array, Array]:
+    """Return the rates of v (P, k, n) on P panels, where they end, and which (P,) are settled.
 
-    From scaled q and v (P, 2 n, k) there and where they begin, (P, 2 n, 1). `when` is the scaled
-    time at which each begins, and how long it lasts; `turn` is the unit of v over that of q, and
-    `enough` the largest change that counts as settled.
+    From scaled q and v (2, P, 1, n) where they begin, and those of a curve beside them, there and
+    at the points, (2, P, k + 1, n). A panel lasts `h`; `turn` (P, 1, n) is the unit of v over that
+    of q, and `enough` the largest change that counts as settled.
     """
-    at, h = when
-    parts, n, k = len(x), start.shape[1] // 2, rule.points.size
-    straight = start.repeat(k, axis=2)
-    straight[:, :n] += turn * (h * start[:, n:] * rule.points)
-    integrals = np.stack([h * h * rule.twice[:-1].T, h * rule.once[:-1].T])
-    scale = np.concatenate([turn, np.ones_like(turn)], axis=-2)
-    rates_at = rates(np.tile(at + h * rule.points, parts)[:, None])
+    k, parts, since = rule.points.size, start.shape[1], h * rule.ends
+    x = about[:, :, 1:] + (off := start - about[:, :, :1])
+    x[0] += turn * (since[:-1] * off[1])
+    straight = start.repeat(k + 1, axis=2)
+    straight[0] += turn * (since * start[1])
+    integrals = np.array([[[[h * h]]], [[[h]]]]) * rule.integrals
     last, settled = [np.nan] * parts, [False]
     for _ in range(PICARD_ROUNDS):
-        places = x.transpose(0, 2, 1).reshape(parts * k, 2 * n)
-        a = rates_at(places).reshape(parts, k, n).transpose(0, 2, 1)
-        new = (a[:, None] @ integrals).reshape(parts, 2 * n, k)
-        new *= scale
+        a = rates(x.reshape(2, parts * k, -1)).reshape(x.shape[1:])
+        new = integrals @ a
+        new[0] *= turn
         new += straight
-        change = np.abs(new - x).reshape(parts, -1).max(axis=1).tolist()
-        x = new
+        change = np.abs(new[:, :, :k] - x).max(axis=(0, 2, 3)).tolist()
+        x = new[:, :, :k]
         settled = [_is_settled(*both, enough) for both in zip(change, last, strict=True)]
         if all(good or not isfinite(c) for good, c in zip(settled, change, strict=True)):
             break
         last = change
-    tails = h * np.abs(a @ rule.coefficients[-2:].T) / (2 * k)
-    return a.copy(), np.array(settled) & (tails.max(axis=(1, 2)) <= STILL_CHANGES * enough)
+    tails = h * np.abs(rule.coefficients[-2:] @ a) / (2 * k)
+    good = np.array(settled) & (tails.max(axis=(1, 2)) <= STILL_CHANGES * enough)
+    return a.copy(), new[:, :, k:], good
 
 
 def _is_settled(change: float, last: float, enough: float) -> bool:
@@ -285,73 +289,75 @@ class PicardIntegrator:
         self, state: State, span: float, units: FlowUnits, rate: float = 10.0
     ) -> tuple[Array, Array]:
         """Return what an `Integrator` does; its `rate` is at most `DRIFT_RATE` in a panel."""
-        known, points = self.flow.known, _points(self.tolerance)
-        b = self._boundaries(state.t, span, points)
+        known = self.flow.known
+        b, points = self._panels(state.t, span)
         drift = min(rate, DRIFT_RATE / float(np.diff(b).max())) if self.flow.system.m else 0.0
         asked = state.t, state.q.tobytes(), state.v.tobytes(), span, self.longest, points, drift
         if asked not in known or known[asked][0] is None:
             with np.errstate(all="ignore"):
-                known[asked] = self._integrate(state, span, units, b, drift), units
+                known[asked] = self._integrate(state, span, units, b, points, drift), units
         panels, of = known[asked]
         if panels is None:
             found = self._cvodes(state, span, units, rate)
             self.steps = self._cvodes.steps
             return found
-        self.steps = panels.rates[:, 0].size
+        self.steps = panels.rates[:, :, 0].size
         e = np.clip(np.searchsorted(panels.begins, self.s) - 1, 0, None)
         h, since = np.diff(panels.begins, append=1.0)[e], self.s - panels.begins[e]
-        once, twice = (
-            np.einsum("Knk,kK->nK", panels.rates[e], each)
-            for each in _integrals(panels.rates.shape[2], 2 * since / h - 1)
-        )
-        v = panels.v[e].T
-        q = of.q[:, None] * panels.q[e].T + span * of.v[:, None] * (since * v + h**2 * twice)
+        weights = np.stack(_integrals(panels.rates.shape[1], 2 * since / h - 1))
+        once, twice = (weights.transpose(2, 0, 1) @ panels.rates[e]).transpose(1, 2, 0)
+        q, v = panels.states[e].transpose(1, 2, 0)
+        q = of.q[:, None] * q + span * of.v[:, None] * (since * v + h**2 * twice)
         return q, of.v[:, None] * (v + h * once)
 
     def _integrate(
-        self, state: State, span: float, units: FlowUnits, b: Array, rate: float
+        self, state: State, span: float, units: FlowUnits, b: Array, points: int, rate: float
     ) -> _Panels | None:
         """Return the motion on panels between `b`, or halves; None if the iteration settles none.
 
-        `rate` is Baumgarte's.
+        Of so many points each; `rate` is Baumgarte's.
         """
-        flow, n, rule = self.flow, state.q.size, _rule(_points(self.tolerance))
-        rates = flow.rates(state.t, span, rate / span, units, rule.points.size)
-        turn = (span * units.v / units.q)[:, None]
+        flow, rule = self.flow, _rule(points)
+        rates = flow.rates(np.array([[state.t, span, rate / span]]), units)
+        turn = (span * units.v / units.q)[None, None]
         noise = float(STEP_NOISE * np.max(abs(span) * flow.noise / units.v))
 
         def near(b: Array) -> list[Array]:
             known = _near(flow.curve, state.t + span * b[:-1], span * np.diff(b), rule, units)
-            return list(known[::-1])
+            return list(known.swapaxes(0, 1)[::-1, :, None])
 
         ahead, shortest = b[:0:-1].tolist(), float(np.diff(b).min()) * 0.5**PANEL_HALVINGS
         about, at, done = near(b), 0.0, []
-        here = np.concatenate([state.q / units.q, state.v / units.v])[:, None]
+        here = np.stack([state.q / units.q, state.v / units.v])[:, None, None]
         while ahead:
             h = ahead[-1] - at
-            x = _shifted(about.pop()[None], here[None], turn, h * rule.points)
-            enough = max(self.tolerance, LEAST_CHANGE, h * noise)
-            a, settled = _settle(rates, x, here[None], turn, (at, h), rule, enough)
+            enough, there = max(self.tolerance, LEAST_CHANGE, h * noise), about.pop()
+            rates_at = rates((at + h * rule.points)[:, None])
+            a, end, settled = _settle(rates_at, there, here, turn, h, rule, enough)
             if settled[0]:
-                done.append((at, here[:n, 0], here[n:, 0], a[0] @ rule.coefficients.T))
-                whole = h * a[0] @ np.stack([h * rule.twice[-1], rule.once[-1]], axis=1)
-                q = here[:n] + turn * (h * here[n:] + whole[:, :1])
-                here = np.concatenate([q, here[n:] + whole[:, 1:]])
-                at = ahead.pop()
+                done.append((at, here[:, 0, 0], rule.coefficients @ a[0]))
+                at, here = ahead.pop(), end
             elif h / 2 < shortest:
                 return None
             else:
                 ahead.append(at + h / 2)
                 about += near(np.array([at, at + h / 2, at + h]))
-        begins, places, speeds, rates = (np.array(each) for each in zip(*done, strict=True))
-        return _Panels(begins, places, speeds, rates)
+        return _Panels(*(np.array(each) for each in zip(*done, strict=True)))
 
-    def _boundaries(self, start: float, span: float, points: int) -> Array:
-        """Return where panels begin, and one: those of the curve's elements, or closer."""
+    def _panels(self, start: float, span: float) -> tuple[Array, int]:
+        """Return where panels begin, and one: at the curve's elements, or closer; and their points.
+
+        Few of many points take fewer calls of numpy than many of few.
+        """
         b = np.sort((self.flow.curve.mesh.boundaries - start) / span)
         b = np.array([0.0, *b[(b > EPS) & (b < 1 - EPS)], 1.0])
-        # CVODES evaluates forces twice a step. What acts for a moment is told by how often.
-        often = 2 if self.flow.system.structure.depends_on_time else 1
-        parts = np.ceil(often * np.diff(b) / (points * self.longest)).astype(int).tolist()
-        cut = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
-        return np.concatenate([*cut, [1.0]])
+        wanted = self.flow.often * np.diff(b) / self.longest
+        least = _points(self.tolerance)
+        most = MOST_POINTS if self.flow.system.has_diagonal_mass and not self.flow.system.m else 0
+        parts = np.ceil(wanted / max(most, least))
+        points = max(least, int(np.ceil(np.max(wanted / parts))))
+        if np.max(parts) > 1:
+            e = np.arange(parts.size).repeat(parts.astype(int))
+            within = np.arange(e.size) - np.searchsorted(e, e)
+            b = np.append(b[e] + np.diff(b)[e] * within / parts[e], 1.0)
+        return b, points

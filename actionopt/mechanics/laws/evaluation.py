@@ -151,9 +151,12 @@ class NumericLaws(Laws):
             miss, last = mismatch(v), np.inf
             for _ in range(NEWTON_STEPS):
                 M = self.mass_matrix(q, v, t, parameters=parameters)
-                K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
                 try:
-                    step = np.linalg.solve(K, miss)[:n]
+                    if self.has_diagonal_mass and not m and M.diagonal().all():
+                        step = miss / M.diagonal()
+                    else:
+                        K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
+                        step = np.linalg.solve(K, miss)[:n]
                 except np.linalg.LinAlgError:
                     raise ValueError(
                         f"expected a mass matrix that can be inverted, found {M.tolist()} at "
