@@ -41,6 +41,11 @@ def test_from_the_straight_line_to_a_motion(end, T):
     assert not is_motion(tr, z, pendulum_flow, 1e-2)  # the straight line is not a motion
 
 
+def test_steps_are_predicted_by_how_the_direction_changes():
+    tr = transcribed(PENDULUM, ([1.0], [2.5]), 1.5, 16)
+    assert newton_homotopy(tr, tr.pack(tr.straight()))[1] <= 25
+
+
 def test_with_a_constraint_on_the_way():
     rod = systems.thrown(constraint=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1)
     a, b, T = 0.5, -0.7, 0.6

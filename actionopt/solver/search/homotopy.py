@@ -4,7 +4,8 @@ Any curve is the true motion under some applied force: the negative of its Euler
 R(z0). Scaling that force down, R(z) = (1 - s) R(z0), leads from the curve at s = 0 to a path
 of the problem itself at s = 1 (Newton homotopy; Allgower and Georg, *Numerical Continuation
 Methods* (1990), section 11.3). The solutions (z, s) form a curve that may turn back in s, so it
-is followed by its arclength (Keller's bordered system, ibid. chapter 10).
+is followed by its arclength (Keller's bordered system, ibid. chapter 10), from where its direction
+and how this changed over the last step lead.
 
 Where the inertia M varies by many digits along the curve, a force that moves what is heavy throws
 what is light. Then the curve's accelerations are scaled down: R(z) = (1 - s) M(z) / M(z0) R(z0).
@@ -107,6 +108,7 @@ class HomotopyCurve:
     ds: float = 1.0  # of the direction
     s: float = 0.0
     direction: Array | None = None
+    bends: tuple[Array | float, float] = 0.0, 0.0  # half of d(direction, ds) / d(arclength)
     length: float = FIRST_ARC
     count: int = 0
 
@@ -156,7 +158,9 @@ class HomotopyCurve:
             step, ds = self.length, self.ds
             if ds > 0 and self.s + step * ds > 1.0:
                 step = min(step, (1.0 - self.s) / ds)
-            trial = self._correct(self.z + step * self.direction, self.s + step * ds)
+            bend, bend_s = self.bends
+            ahead = self.z + step * (self.direction + step * bend)
+            trial = self._correct(ahead, self.s + step * (ds + step * bend_s))
             if trial is None:
                 self.length = step / 2
                 continue
@@ -171,7 +175,10 @@ class HomotopyCurve:
                 bool(np.max(np.abs(z[: self.tr.layout.unknowns])) < RUNAWAY_CURVE)
                 and 1.0 - s < RUNAWAY_FORCE
             )
-            return self._keep_direction(slope) and near
+            before = self.direction
+            kept = self._keep_direction(slope)
+            self.bends = (self.direction - before) / (2 * step), (self.ds - ds) / (2 * step)
+            return kept and near
         return False
 
     def _correct(self, z: Array, s: float) -> tuple[Array, float, Array, int] | None:
