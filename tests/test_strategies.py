@@ -397,3 +397,17 @@ def test_with_a_saddle_in_hand_no_long_search_goes_on_in_a_large_system(saddle, 
         ws=SimpleNamespace(large=large, has_mass=True),
     )
     assert PatientLeast("patient", (8,)).applies(search) is open_
+
+
+@pytest.mark.parametrize("rate", [-50.0, -30.0, 10.0, 16.0])
+def test_a_free_body_whose_inertia_varies_much_sets_out_at_its_own_pace(rate):
+    """L = exp(c q) v^2 / 2 is u'^2 / 2 of u = 2 exp(c q / 2) / c."""
+    system = ao.System(lambda q, v, t: np.exp(rate * q[0]) * v[0] ** 2 / 2, ["q"])
+    ends = (0.0, 1.0) if rate < 0 else (1.0, -1.5)
+    first, last = 2 * np.exp(rate * np.array(ends) / 2) / rate
+    path = ao.solve(ao.Problem(system, ao.Event(0.0, [ends[0]]), ao.Event(1.0, [ends[1]])))
+    assert path.action == pytest.approx((last - first) ** 2 / 2, rel=1e-10)
+    assert path.morse_index == 0
+    t = np.linspace(0.0, 0.9, 10)
+    u = first + t * (last - first)
+    assert np.abs(path(t)[0] - 2 / rate * np.log(rate * u / 2)).max() < 1e-8

@@ -42,6 +42,7 @@ LOST_PHASE = 5.5
 TAIL_MARGIN = 5.0  # between a coefficient and the tolerance it has to meet: `SAFETY`, and a little
 STEADY_RATE = 1e-6  # rate over the whole time, in place of none: of that the first degree is enough
 LINE_SAMPLES = 33  # of the straight line, where its inertias are compared; ad hoc
+PACE_SAMPLES = 2**12  # of that line where its pace is found; ad hoc, a descent does the rest
 LOG_FACTORIALS = np.array([math.lgamma(d) for d in DEGREES])  # of d - 1
 THINNEST_ELEMENT = 1e3 * np.finfo(float).eps  # in parts of the time; ad hoc: its nodes are distinct
 
@@ -161,6 +162,28 @@ def uneven_elements(problem: Problem) -> float:
         logarithms = np.log(diagonal(system, 2, C) @ problem.lengths**2)
     logarithms = logarithms[np.isfinite(logarithms)]
     return float(np.ptp(logarithms)) / PHASE_PER_ELEMENT if logarithms.size else 0.0
+
+
+def paced_line(problem: Problem, elements: int) -> Path | None:
+    """Return the straight line at the pace that keeps v.L_vv v, on elements of equal parts of it.
+
+    None where that is not positive and finite everywhere on it.
+    """
+    first, last = ends_of(problem)
+    s = (np.arange(PACE_SAMPLES)[:, None] + 0.5) / PACE_SAMPLES
+    step = (last - first) / problem.duration
+    with np.errstate(all="ignore"):
+        second, t = problem.system.pointwise("second"), problem.start.t + s * problem.duration
+        C = second(first + s * (last - first), np.tile(step, (s.size, 1)), t, problem.packed)[2]
+        slow = np.sqrt(step @ second.full(2, C, symmetric=True) @ step)
+    if not (np.isfinite(slow).all() and slow.min() > 0):
+        return None
+    since = np.concatenate([[0.0], np.cumsum(slow)]) * (problem.duration / slow.sum())
+    since[-1] = problem.duration
+    edges = since[:: PACE_SAMPLES // elements]
+    mesh = Mesh.over(problem.start.t, problem.end.t, edges, COARSE_DEGREE)
+    parts = np.interp(mesh.nodes_since, since, np.linspace(0.0, 1.0, since.size))
+    return Path(mesh, (first + parts[:, None] * (last - first)).T)
 
 
 def _boundaries(turns: float, folds: float, elements: int) -> Array | None:

@@ -57,7 +57,7 @@ REACHED = (Status.SOLVED, Status.FLOOR)
 BUDGET, EXPENSIVE = 20_000, 500
 # How many strategies, in their order, are tried from a curved line, too: those that cost little,
 # before others from the straight one, and all to which it means anything.
-CURVED_FIRST, CURVED_STRATEGIES = 2, 8
+CURVED_FIRST, CURVED_STRATEGIES = 2, 9
 # How far a curved line is from the straight one, in the motion's sizes; ad hoc, flat (`workspace`).
 CURVED_HEIGHT = 0.4
 # Of that curve, by which a descent from the line begins beside it, where a symmetry would keep it

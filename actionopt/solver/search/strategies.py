@@ -13,6 +13,7 @@ from actionopt.solver.refinement.first_mesh import (
     COARSE_ELEMENTS,
     IPOPT_SIZE,
     MOST_ELEMENTS,
+    paced_line,
 )
 from actionopt.solver.refinement.signals import LEADS_NOWHERE
 from actionopt.solver.refinement.workspace import PATIENT, Workspace
@@ -31,6 +32,8 @@ MEETING_PAIRS, MEETING_ELEMENTS = 32, 48
 # Paths so found that cannot be refined, after which no others found alike are tried: measured, over
 # random systems and pendulums, it is the first that can be, or none.
 MEETING_LOST = 3
+# Elements, on each of which the inertia varies little, from which on the line's pace matters.
+UNEVEN = 4.0
 
 
 @immutable
@@ -70,6 +73,34 @@ class Descent(Strategy):
 
     def seek(self, ws: Workspace) -> bool:
         return ws.descend()
+
+
+@immutable
+class Paced(Strategy):
+    """Descent from the line at the pace of a body free of forces, where its inertia varies much.
+
+    At an even pace nearly all of the action would be where the inertia is large.
+    """
+
+    minimises, absolute, cost = True, False, 100
+
+    def applies(self, search: Search) -> bool:
+        ws = search.ws
+        able = ws.can_descend and plain(ws.problem) and not (search.curved or search.given)
+        return super().applies(search) and able and ws.uneven > UNEVEN
+
+    def attempt(self, search: Search) -> Status:
+        ws, status = search.ws, Status.NOT_FOUND
+        for elements in self.meshes:
+            line = paced_line(ws.problem, elements)
+            if line is None:
+                break
+            ws.restart()
+            ws.record.rounds.clear()
+            ws.transcribe(line.mesh, line)
+            if ws.descend() and (status := search.refine()) is not Status.UNRESOLVED:
+                break
+        return status
 
 
 class Least(Strategy):
@@ -266,6 +297,7 @@ STRATEGIES: tuple[Strategy, ...] = (
     Newton("convex newton", (4,), convex=True),
     Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
     Newton("newton", (4,)),
+    Paced("paced", (8, 16)),
     Minimax("minimax", (4, 8)),
     LyapunovSchmidt("resonance", (4,)),
     Descent("descent of many", (4, 8, 16, 32, 64), many=True),
