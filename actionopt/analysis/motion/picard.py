@@ -51,7 +51,9 @@ PICARD_ROUNDS = (
 )
 PANEL_HALVINGS = 7  # of a panel at most: what asks for more is left to CVODES
 LEAST_CHANGE = 32 * EPS  # in a panel: some hundred of them are still far below the tolerance asked
-DRIFT_RATE = 0.25  # Baumgarte's, in a panel: a larger one needs more rounds
+# Baumgarte's, in a panel: a larger one needs more rounds. There is none along a whole curve of as
+# few panels as that: drift grows as the square of their number, to 1e-13.
+DRIFT_RATE, FEW_PANELS = 0.25, 30
 STILL_CHANGES = 100.0  # times the tolerance: where round-off alone changes it from round to round
 
 
@@ -288,10 +290,15 @@ class PicardIntegrator:
     def __call__(
         self, state: State, span: float, units: FlowUnits, rate: float = 10.0
     ) -> tuple[Array, Array]:
-        """Return what an `Integrator` does; its `rate` is at most `DRIFT_RATE` in a panel."""
+        """Return what an `Integrator` does; its `rate` is at most `DRIFT_RATE` in a panel.
+
+        Or zero, along the whole of a curve of few panels.
+        """
         known = self.flow.known
         b, points = self._panels(state.t, span)
-        drift = min(rate, DRIFT_RATE / float(np.diff(b).max())) if self.flow.system.m else 0.0
+        elements, m = self.flow.curve.mesh.elements, self.flow.system.m
+        drifts = m and not elements < b.size <= FEW_PANELS + 1
+        drift = min(rate, DRIFT_RATE / float(np.diff(b).max())) if drifts else 0.0
         asked = state.t, state.q.tobytes(), state.v.tobytes(), span, self.longest, points, drift
         if asked not in known or known[asked][0] is None:
             with np.errstate(all="ignore"):
