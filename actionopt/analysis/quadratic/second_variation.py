@@ -285,38 +285,43 @@ def _lift_ends(form: Form) -> list[Array]:
     _add_boundary_terms(at, boundary, form.basis, scale, coupling, phase=True)
     ends = np.hstack([form.basis[0][:, :begun], form.basis[-1][:, :ended]])
     rising = np.repeat([False, True], form.pinned)
-    result, since = list(form.elements), tr.mesh.since
+    result, since, n = list(form.elements), tr.mesh.since, len(form.units)
 
     def between(left: Array, M: Array, right: Array) -> Array:
-        return np.einsum("kxa,kxy,kyb->ab", left, M, right, optimize=True)
+        a, b = (x.reshape(len(x), -1, x.shape[-1]) for x in (left, M @ right))
+        return a.swapaxes(1, 2) @ b
 
     for g in tr.layout.groups:
         k, D, w = g.rule.degree + 1, g.rule.derivative, g.rule.weights[:, None, None]
         done, left = (abs(g.rule.nodes - end)[:, None, None] for end in g.rule.nodes[[0, -1]])
-        for i, e in enumerate(g.elements):
-            span, half = slice(g.span.start + i * k, g.span.start + (i + 1) * k), tr.half[e]
-            Z = form.basis[g.nodes[i]]
+        for some in in_parts(len(g.nodes), MATRICES_AT_ONCE * k * n * (len(rising) + k * r)):
+            own = g.elements[some]
+            half, first, end = (
+                x[own][:, None, None, None] for x in (tr.half, since[:-1], since[1:])
+            )
+            Z = form.basis[g.nodes[some]]
+            a, b, c = (x[g.span].reshape(-1, k, n, n)[some] for x in (A, B, C))
             # Each from its own end, so that what is left by a singular one has its digits.
-            before = since[e] - since[0] + half * done
-            after = since[-1] - since[e + 1] + half * left
+            before, after = first - since[0] + half * done, since[-1] - end + half * left
             up, down, rate = rise(before, after, tr.mesh.singular_ends)
             lines = ends * np.where(rising, up, down)
             turns = ends * half * np.where(rising, rate, -rate)
             nodal, slopes = (
-                np.einsum("kj,jxr->kxjr", X, Z).reshape(*Z.shape[:2], -1) for X in (np.eye(k), D)
+                np.einsum("kj,ejxr->ekxjr", X, Z).reshape(*Z.shape[:3], -1) for X in (np.eye(k), D)
             )
-            values, rates = np.dstack([lines, nodal]), np.dstack([turns, slopes])
-            mixed = between(values, w * B[span], rates)
-            E = between(values, w * half * A[span], values) + mixed + mixed.T
-            E += between(rates, w / half * C[span], rates)
-            nodes = np.hstack([(Z.swapaxes(1, 2) @ lines).reshape(k * r, -1), np.eye(k * r)])
-            E += nodes.T @ boundary[e] @ nodes
-            gone = np.zeros(len(E), dtype=bool)
-            if e == 0:
-                gone[len(rising) : len(rising) + begun] = True
-            if e == tr.mesh.elements - 1:
-                gone[len(E) - r : len(E) - r + ended] = True
-            result[e] = E[np.ix_(~gone, ~gone)]
+            values = np.concatenate([lines, nodal], axis=3)
+            rates = np.concatenate([turns, slopes], axis=3)
+            mixed = between(values, w * b, rates)
+            whole = between(values, w * half * a, values) + mixed + mixed.swapaxes(1, 2)
+            whole += between(rates, w / half * c, rates)
+            at_nodes = (Z.swapaxes(2, 3) @ lines).reshape(len(own), k * r, -1)
+            for e, E, ends_at in zip(own, whole, at_nodes, strict=True):
+                if boundary[e].any():
+                    nodes = np.hstack([ends_at, np.eye(k * r)])
+                    E = E + nodes.T @ boundary[e] @ nodes
+                result[e] = E
+    for e, gone in ((0, np.arange(begun) + begun + ended), (-1, np.arange(ended) - r)):
+        result[e] = np.delete(np.delete(result[e], gone, 0), gone, 1)
     return result
 
 
