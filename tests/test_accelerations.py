@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import systems
-from helpers import slow
+from helpers import at_once, slow
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import brentq, root
@@ -43,7 +43,7 @@ def between(system, start, end, **more):
     return ao.solve(ao.Problem(system, *events, **more), tol=1e-11)
 
 
-@pytest.mark.parametrize(("degree", "order"), [(3, 2), (8, 2), (5, 3), (14, 3), (9, 4)])
+@at_once(("degree", "order"), [(3, 2), (8, 2), (5, 3), (14, 3), (9, 4)])
 def test_an_element_holds_all_polynomials_and_its_ends(degree, order):
     shape = element(degree, order)
     x = shape.rule.nodes
@@ -186,7 +186,7 @@ def test_nonlinear_beam_against_collocation():
     assert path.compare().agrees
 
 
-@pytest.mark.parametrize("load", [30.0, 60.0, 100.0, 170.0, 250.0])
+@at_once("load", [30.0, 60.0, 100.0, 170.0, 250.0])
 def test_index_counts_the_buckling_loads_below(load):
     # Clamped at both ends these are (2 k pi)^2, and (2 x)^2 of the roots x of tan x = x.
     roots = [4.493409457909064, 7.725251836937707]
@@ -745,6 +745,7 @@ def roots(function, T=7.0):
     return [brentq(function, t[k], t[k + 1], xtol=1e-14) for k in changes]
 
 
+@pytest.mark.quick("v00")
 @pytest.mark.parametrize("v0", [[0.3], None])
 def test_conjugate_points_of_a_column(v0):
     """Neighbours are sums of 1, t, cos wt and sin wt; held or hinged where they start."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import at_once
 
 import actionopt as ao
 from actionopt import scenes
@@ -190,7 +191,7 @@ class Full:
         )
 
 
-@pytest.mark.parametrize("seed", range(12))
+@at_once("seed", range(12))
 def test_lowest_eigenvalues_are_those_of_a_full_matrix_equal_ones_too(seed):
     """Inverse iteration stopped at values a tenth off, where those sought were far below others."""
     rng = np.random.default_rng(seed)
@@ -232,7 +233,7 @@ def test_a_form_less_a_mass_is_that_of_a_stiffer_spring():
     assert all(np.array_equal(found, whole - part / 2) for found, whole, part in less)
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("kinetic", "known"),
     [
         (lambda v, q: v @ v / 2, True),

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import systems
-from helpers import same_bits
+from helpers import at_once, same_bits
 
 import actionopt as ao
 from actionopt import scenes
@@ -268,9 +268,9 @@ def test_blocks_are_neighbours(monkeypatch):
     assert np.allclose(outwards.action, whole.action, rtol=1e-12)
 
 
-@pytest.mark.parametrize("counted", [True, False])  # row by row, and by inverses
-@pytest.mark.parametrize("elements", [1, 3])
-@pytest.mark.parametrize(
+@at_once("counted", [True, False])  # row by row, and by inverses
+@at_once("elements", [1, 3])
+@at_once(
     "name",
     ["pendulum", "double_pendulum", "charge_gauge", "moving_pivot", "kepler_polar", "row"],
 )
@@ -383,7 +383,7 @@ def test_the_front_comes_to_everyone_and_goes_no_farther_than_it_is_let():
     assert tried <= 4 * 199
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("columns", "words"),
     [
         ({}, "at least one quantity that differs, found none"),

@@ -6,6 +6,7 @@ from threading import Barrier
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 
 import actionopt as ao
 from actionopt.tools.blas import (
@@ -139,7 +140,7 @@ def test_stacks_of_matrices_are_solved_as_numpy_does_or_are_singular():
         check_definite(np.array([np.eye(2), np.diag([1.0, -1.0])]))
 
 
-@pytest.mark.parametrize("n", [0, 1, 2, 3, 30])
+@at_once("n", [0, 1, 2, 3, 30])
 def test_negative_eigenvalues_are_counted_without_them(n):
     random = np.random.default_rng(n)
     for shift in (-9.0, -1.0, 0.0, 1.0, 9.0):

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import at_once
 
 import actionopt as ao
 from actionopt.mechanics.laws import branches
@@ -18,7 +19,7 @@ def test_laws_without_kinks_have_no_branches():
     assert ao.System(lambda q, v, t: abs(v[0]) - abs(q[0]), ["x"]).branches is None
 
 
-@pytest.mark.parametrize(
+@at_once(
     "potential, sides",
     [
         (lambda q: abs(q[0] - 1), {0: lambda x, y: 1 - x, 1: lambda x, y: x - 1}),

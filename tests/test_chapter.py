@@ -4,7 +4,7 @@ import importlib
 
 import numpy as np
 import pytest
-from helpers import a_quarter
+from helpers import a_quarter, at_once
 
 import actionopt as ao
 from actionopt import chapter, cli, scenes
@@ -108,7 +108,7 @@ def test_what_a_scene_does_not_use_costs_nothing(name, spared, paid):
 # -- published values ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("duration", "S", "index"),
     [
         (1.0, 0.435769830834361359, 0),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import at_once
 
 import actionopt as ao
 from actionopt.mechanics.laws.tracing import parameter_names
@@ -15,7 +16,7 @@ def taking(names):
     return eval(f"lambda {names}: 0")
 
 
-@pytest.mark.parametrize(
+@at_once(
     "names",
     ["qdot, q, t", "q_dot, q, t", "t, q, v", "v, q, t", "t, x, xdot", "q, t, v", "v, x, t",
      "thetadot, theta, t", "dq_dt, q, t", "time, pos, vel", "v, q, t, *, l", "t, q, v, *, l"],
@@ -25,7 +26,7 @@ def test_arguments_in_another_order_are_refused(names):
         parameter_names(taking(names), "lagrangian", STATE)
 
 
-@pytest.mark.parametrize(
+@at_once(
     "names",
     ["x, xdot, t", "q, q_dot, time", "theta, omega, t", "r, v, t", "u, v, t", "v, vdot, t",
      "t, tdot, lam", "x, dx, t", "d, dd, t", "v, w, t", "q, p, t", "x, y, z", "q, v, s",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import a_quarter, of_every_scene, solved
+from helpers import a_quarter, at_once, solved
 
 from actionopt import Event, Problem, scenes, solve, solve_all
 from actionopt.gallery.subject import Subject
@@ -828,7 +828,7 @@ def test_beside_a_scene_are_others():
 
 
 @pytest.mark.long
-@of_every_scene
+@at_once("name", scenes.SCENES)
 def test_the_kinetic_energy_of_a_scene_can_be_asked_for(name):
     """Whatever parameters its ends have of their own: the page of every scene draws it."""
     scene = scenes.get(name)

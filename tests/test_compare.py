@@ -81,6 +81,7 @@ MOTIONS = {
 # -- motions ---------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("3.0-turning wire", "1.0-damped", "3.0-growing", "1.0-driven")
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("t1", [1.0, 3.0])
 def test_motions_agree_and_their_energy_balances(name, t1):

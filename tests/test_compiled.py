@@ -5,7 +5,7 @@ from copy import deepcopy
 import casadi as ca
 import numpy as np
 import pytest
-from helpers import same_bits
+from helpers import at_once, same_bits
 
 from actionopt.mechanics.laws import columns, compiled
 from actionopt.mechanics.laws.compiled import PART_OPERATIONS, PARTED, Pointwise
@@ -120,7 +120,7 @@ def test_no_times():
     assert system.momentum(np.zeros((2, 0)), np.zeros((2, 0)), 0.0).shape == (2, 0)
 
 
-@pytest.mark.parametrize("count", [1, PARTED - 1, PARTED, PARTED + 1, 1000])
+@at_once("count", [1, PARTED - 1, PARTED, PARTED + 1, 1000])
 def test_operations_written_out_for_some_times_are_the_same_to_the_last_bit(count):
     q, p = ca.SX.sym("q", 2), ca.SX.sym("p")
     f = ca.Function("f", [q, p], [ca.jacobian(ca.sin(p * q[0]) / q[1] + q[1] ** 3, q)])

@@ -174,6 +174,7 @@ def test_a_kink_that_rounds_to_steps_is_no_jump(height, jumps):
     assert (found is not None) is jumps
 
 
+@pytest.mark.quick("-0.7")
 @pytest.mark.parametrize("c", [0.7, -0.7])
 def test_a_lagrangian_with_its_steps_held_is_itself(c):
     """The steps' own values put in give L again, everywhere; others give another branch."""

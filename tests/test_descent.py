@@ -5,7 +5,7 @@ from itertools import count
 import numpy as np
 import pytest
 import systems
-from helpers import transcribed
+from helpers import at_once, transcribed
 
 from actionopt import Event, Periodic, Problem, System, solve
 from actionopt.discrete.matrices.factors import Factors
@@ -33,8 +33,8 @@ def test_a_start_that_is_a_saddle_is_not_found():
     assert not result.found and not result.runaway
 
 
-@pytest.mark.parametrize("T", [0.6, 0.9])
-@pytest.mark.parametrize("size", [0.5, 3.0, 20.0])
+@at_once("T", [0.6, 0.9])
+@at_once("size", [0.5, 3.0, 20.0])
 def test_the_minimum_is_found_from_afar(T, size):
     """Before the conjugate time, pi / sqrt(9.81) = 1.003, the pendulum's action is convex."""
     tr = transcribed(PENDULUM, ([0.3], [-0.2]), T)

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import at_once
 
 import actionopt as ao
 from actionopt.mechanics.laws.expressions import Expressions
@@ -83,7 +84,7 @@ def evaluate(expression):
     return ca.Function("f", SYMBOLS, [expression])(q, v, t, M.ravel()).full().ravel()
 
 
-@pytest.mark.parametrize("name", [*DIRECT, *HANDED_OVER])
+@at_once("name", [*DIRECT, *HANDED_OVER])
 def test_the_same_code_gives_the_same_numbers(name):
     function = (DIRECT | HANDED_OVER)[name]
     known = np.asarray(function(*numbers()), dtype=float)
@@ -115,7 +116,7 @@ def test_a_part_can_be_replaced_without_the_symbols():
     assert str(SYMBOLS[0][1]) == "q_1"
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("wrong", "error"),
     [
         (lambda q, v, t: q[3], IndexError),

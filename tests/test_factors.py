@@ -119,6 +119,7 @@ def test_solutions_are_those_of_a_dense_solver(kind, stored):
     assert not np.allclose(dense @ (found * (1 + 1e-6)), right, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.quick("2-plain", "12-sphere", "41-drag")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("elements", [1, 2, 3, 12, 41, 80])
 def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
@@ -161,6 +162,15 @@ def test_signs_are_told_by_a_matrix_near_another_only_if_none_is_between(stored)
             assert ("_regular" in vars(factors)) == (part > 1)
 
 
+@pytest.mark.quick(
+    "small-plain",
+    "blocks-sphere",
+    "reduced-drag",
+    "reduced twice-plain",
+    "in parts-sphere",
+    "sparse-drag",
+    "kept-plain",
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_products_are_those_of_the_dense_matrix(kind, stored):
     layout, nonzeros, dense = matrix_of(kind, stored)
@@ -207,6 +217,15 @@ def test_inertia_is_that_of_the_dense_eigenvalues(kind, stored, duration):
     assert negative_eigenvalues(layout, nonzeros) == np.sum(values < 0)
 
 
+@pytest.mark.quick(
+    "small-plain",
+    "blocks-sphere",
+    "reduced-drag",
+    "reduced twice-plain",
+    "in parts-sphere",
+    "sparse-drag",
+    "kept-plain",
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_singular_matrices_are_refused(kind, stored):
     layout, nonzeros, _ = matrix_of(kind, stored)
@@ -262,6 +281,15 @@ def test_blocks_that_are_singular_do_not_make_the_matrix_so():
     assert np.max(np.abs(tr.coordinates(z - step)[:, 0] - q)) < 1e-9
 
 
+@pytest.mark.quick(
+    "small-plain",
+    "blocks-sphere",
+    "reduced-drag",
+    "reduced twice-plain",
+    "in parts-sphere",
+    "sparse-drag",
+    "kept-plain",
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_solution_has_the_sign_of_its_right_hand_side(kind, stored):
     """And its size: how often it is refined, and whether it is, does not depend on either."""

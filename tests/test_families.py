@@ -263,6 +263,7 @@ def rests(n, V, start=None, guess=None, T=2.2, **given):
     return ao.solve(ao.Problem(system, start, ao.Periodic(T)), guess=guess, throw=False, **given)
 
 
+@pytest.mark.quick("0.7-None-1", "None-0.7-3")
 @pytest.mark.parametrize("n", [1, 3])
 @pytest.mark.parametrize("guess, given", [(None, None), (None, 0.7), (0.7, None), (0.7, 0.0)])
 def test_rests_of_a_free_body_are_told_apart_by_moving_it(n, guess, given):
@@ -274,6 +275,7 @@ def test_rests_of_a_free_body_are_told_apart_by_moving_it(n, guess, given):
     assert given is None or found.start.q[0] == pytest.approx(given, abs=1e-12)
 
 
+@pytest.mark.quick("0.001")
 @pytest.mark.parametrize("off", [0.0, 1e-3])
 def test_rests_along_a_curve_are_a_family(off):
     found = rests(2, lambda q: (q[1] - q[0] ** 2) ** 2, guess=[0.5, 0.25 + off])
@@ -291,6 +293,7 @@ def test_a_guess_near_the_centre_of_turns_leads_to_it():
     assert (found.inertia.index, found.inertia.nullity) == (3, 0)
 
 
+@pytest.mark.quick("squares0-2.0-4-2")
 @pytest.mark.parametrize(
     ("squares", "T", "index", "nullity"),
     [
@@ -307,6 +310,7 @@ def test_a_rest_in_resonance_is_one_of_a_family(squares, T, index, nullity):
     assert (found.inertia.index, found.inertia.nullity) == (index, nullity)
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("n", [1, 2])
 def test_a_loop_that_shrinks_to_a_rest_is_no_answer(n):
     loop = lambda t: [np.cos(np.pi * t / 1.1 + k) for k in range(n)]  # noqa: E731

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 
 import actionopt as ao
 from actionopt.discrete.action.transcription import Transcription
@@ -40,8 +41,8 @@ def test_turns_are_shared_out_evenly(turns):
     assert turns * mesh.lengths[0] <= PHASE_PER_ELEMENT < turns / (mesh.elements - 1)
 
 
-@pytest.mark.parametrize("start", [0.0, -3.0, 1e4])
-@pytest.mark.parametrize("folds", [20.0, 1e3, 1e6])
+@at_once("start", [0.0, -3.0, 1e4])
+@at_once("folds", [20.0, 1e3, 1e6])
 def test_layers_are_shown_at_both_ends(folds, start):
     mesh = first_mesh(linear(folds**2, start=start))
     assert mesh.boundaries[0] == start and mesh.boundaries[-1] == start + 1.0
@@ -69,8 +70,8 @@ def test_rates_are_those_of_the_units():
     assert first_mesh(problem).elements == first_mesh(linear(-4e3)).elements
 
 
-@pytest.mark.parametrize("tol", [1e-6, 1e-9, 1e-12])
-@pytest.mark.parametrize("folds", [20.0, 100.0, 1e3, 1e6])
+@at_once("tol", [1e-6, 1e-9, 1e-12])
+@at_once("folds", [20.0, 100.0, 1e3, 1e6])
 def test_layers_are_solved_on_the_first_mesh(folds, tol):
     solution = ao.solve(linear(folds**2), tol=tol)
     near = np.linspace(0.0, min(1.0, 20.0 / folds), 201)
@@ -83,8 +84,8 @@ def test_layers_are_solved_on_the_first_mesh(folds, tol):
     assert len(solution.stats["rounds"]) <= rounds(tol)
 
 
-@pytest.mark.parametrize("tol", [1e-3, 1e-6, 1e-9, 1e-12])
-@pytest.mark.parametrize("square", [0.0, -1.0, -16.0, 4.0])
+@at_once("tol", [1e-3, 1e-6, 1e-9, 1e-12])
+@at_once("square", [0.0, -1.0, -16.0, 4.0])
 def test_equations_with_constant_rates_are_solved_on_the_first_mesh(square, tol):
     T, w = 2.3, np.sqrt(abs(square))
     solution = ao.solve(linear(square, T), tol=tol)

@@ -10,7 +10,7 @@ import threading
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter
+from helpers import a_quarter, at_once
 from motions import ellipse, growing, kicked, of_scene, pendulum
 
 from actionopt import Mesh, State, System
@@ -82,7 +82,7 @@ def test_oscillator_forwards_and_backwards(w, t_end):
     assert np.all(rest.values == 0)
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("motion", "T"),
     [
         (growing(0.3, 2.0), 6.0),
@@ -253,7 +253,7 @@ def test_a_given_mesh_is_kept_where_it_resolves_the_motion():
 START = State(0.0, [1.0, 0.0], [0.0, 1.0])
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("system", "state", "t_end", "others", "match"),
     [
         *(

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import a_quarter, contrast, of_every_scene, solved
+from helpers import a_quarter, at_once, contrast, solved
 from matplotlib.colors import to_rgb
 
 from actionopt import Event, Mesh, scenes
@@ -243,7 +243,7 @@ def test_what_was_found_is_what_is_known(name):
         }
 
 
-@of_every_scene
+@at_once("name", scenes.SCENES)
 def test_every_scene_has_its_words(name):
     words = texts(name)
     assert words.statement and words.sketch and words.usage and words.formulas
@@ -256,7 +256,7 @@ def test_scenes_stand_under_what_they_ask():
     assert all(idea(scenes.get(name)) == title for name, title in of.items())
 
 
-@of_every_scene
+@at_once("name", scenes.SCENES)
 def test_students_read_mathematics_and_no_program(name):
     """Neither ASCII for a formula nor what a function raises; names in code are the program's."""
     words, title = texts(name), scenes.title(name)
@@ -268,7 +268,7 @@ def test_students_read_mathematics_and_no_program(name):
     assert not re.search(r"\b[A-Za-z]\d\b|ς", html), html
 
 
-@of_every_scene
+@at_once("name", scenes.SCENES)
 def test_what_is_called_a_momentum_is_made_of_momenta(name):
     """It vanishes where all momenta do: with L_v = 0, whatever the place and the time."""
     scene = scenes.get(name)

@@ -11,7 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from helpers import a_quarter, of_every_scene, solved
+from helpers import a_quarter, at_once, solved
 
 from actionopt import scenes
 from actionopt.gallery import units
@@ -106,7 +106,7 @@ def at_random(scene):
 
 
 @pytest.mark.long
-@of_every_scene
+@at_once("name", scenes.SCENES)
 def test_the_formulas_are_what_is_solved(name):
     scene = scenes.get(name)
     system, given = scene.problem.system, scene.problem.parameters
@@ -218,7 +218,7 @@ def test_equations_that_are_wrong_do_not_vanish():
     assert unfulfilled("charge_planar", lambda text: text.replace("= -e", "= e")) > 1e-3
 
 
-@of_every_scene
+@at_once("name", scenes.SCENES)
 def test_mathml_is_well_formed_and_says_the_same(name):
     system = scenes.get(name).problem.system
     for found in texts(name).formulas:
@@ -253,7 +253,7 @@ def test_order_of_operations():
     )
 
 
-@of_every_scene
+@at_once("name", scenes.SCENES)
 def test_every_parameter_of_a_law_has_a_unit(name):
     module = importlib.import_module(f"actionopt.scenes.{name}")
     laws = [getattr(module, law) for law in LAWS if hasattr(module, law)]
@@ -286,7 +286,7 @@ def test_a_symbol_has_dots_an_order_or_an_index(name, marked):
     assert ("<mn>5</mn>" in found) == name.endswith(5 * "'")
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("text", "marked"),
     [
         ("x^(1/2)", "<msup><mi>x</mi><mrow><mn>1</mn><mo>/</mo><mn>2</mn></mrow></msup>"),

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 import systems
-from helpers import slow
+from helpers import at_once, slow
 
 import actionopt as ao
 from actionopt.mechanics.laws.lengths import is_length
@@ -158,7 +158,7 @@ def test_a_length_given_as_a_lagrangian_is_recognised():
             ao.solve(problem)
 
 
-@pytest.mark.parametrize(
+@at_once(
     "length, said",
     [
         (lambda q, v: v @ v, "homogeneous of degree one"),

@@ -35,6 +35,13 @@ def error(solution, exact):
     return relative_error(solution, exact, np.concatenate([nodes, (nodes[1:] + nodes[:-1]) / 2]))
 
 
+@pytest.mark.quick(
+    "perihelion, e = 0.99",
+    "P15, eps = 0.0001",
+    "P20, eps = 0.06",
+    "Bratu, upper",
+    "thirty conjugate points",
+)
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_hard_paths_are_found_to_the_tolerance(name):
     question = QUESTIONS[name]()

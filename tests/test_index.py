@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter, integrated, motion, of_one_leg, slow
+from helpers import a_quarter, at_once, integrated, motion, of_one_leg, slow
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -51,10 +51,10 @@ def solved_along(system, q0, v0, T):
 # -- closed forms ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("half_periods", "index"), [(0.5, 0), (0.95, 0), (1.05, 1), (1.4, 1), (2.6, 2), (10.5, 10)]
 )
-@pytest.mark.parametrize("ends", [(1.0, 0.4), (0.0, 0.0)])
+@at_once("ends", [(1.0, 0.4), (0.0, 0.0)])
 def test_oscillator(half_periods, index, ends):
     solution = oscillation(half_periods, ends)
     assert solution.morse_index == index
@@ -259,6 +259,7 @@ def test_elements_that_cannot_be_split_any_more():
 UNFORCED = [name for name in of_one_leg() if not scenes.get(name).problem.system.structure.forced]
 
 
+@pytest.mark.quick("kepler_at_energy", "light_around_star", "double_pendulum", "turning_wire")
 @pytest.mark.parametrize("name", a_quarter(UNFORCED))
 def test_pivots_agree_with_dense_eigenvalues_on_every_scene(name):
     scene = scenes.get(name)
@@ -387,7 +388,7 @@ def test_the_index_does_not_depend_on_how_far_a_coordinate_goes(size):
     assert ao.solve(problem, tol=1e-9).morse_index == 2
 
 
-@pytest.mark.parametrize(
+@at_once(
     "choices",
     [
         {"count": 2.5},
@@ -603,6 +604,7 @@ def past_the_antipode(tol):
     return ao.solve(ao.Problem(system, *ends, through=[antipode]), tol=tol)
 
 
+@pytest.mark.quick("bent")
 @pytest.mark.parametrize("question", [bent, past_the_antipode])
 def test_degenerate_is_said_of_no_loose_tolerance(question):
     loose, fine = question(1e-3), question(1e-9)

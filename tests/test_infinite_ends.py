@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter
+from helpers import a_quarter, at_once
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
@@ -215,7 +215,7 @@ def test_all_bounces(D):
     assert bounce.action == pytest.approx(2 / D * kinetic, rel=1e-6)
 
 
-@pytest.mark.parametrize(
+@at_once(
     "lagrangian, start, end, said",
     [
         (

@@ -12,6 +12,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipk, mathieu_a, mathieu_b
@@ -661,7 +662,7 @@ def test_integrals_that_the_events_tell_are_refused(law):
     check_integrals(problem.replace(end=ao.Event(1, [None])))  # there its value tells the end
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("law", "told"),
     [
         (lambda q, v, t: [q[0], 2 * q[0]], "[0, 1]"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
@@ -22,9 +23,9 @@ def at_rest(lagrangian, T=1.0, elements=5, degree=12, start=0.0):
     return form(DiscretePath.of(problem, path, lengths=np.ones(1)))
 
 
-@pytest.mark.parametrize("push", [3.0, -3.0])
-@pytest.mark.parametrize("start", [0.0, -7.0])
-@pytest.mark.parametrize("element", range(5))
+@at_once("push", [3.0, -3.0])
+@at_once("start", [0.0, -7.0])
+@at_once("element", range(5))
 def test_a_coefficient_that_varies_within_one_element_refines_that_one(element, start, push):
     centre = start + (element + 0.5) / 5
 
@@ -101,8 +102,8 @@ def test_a_path_of_a_family_is_polished_with_its_duration(off):
     assert np.abs((q * q + v * v).sum(axis=0) / 2 - 1.0).max() <= 1e-6
 
 
-@pytest.mark.parametrize("angle", [0.3, 2.0, 3.7, 5.5])
-@pytest.mark.parametrize("size", [0.95, 1.05])
+@at_once("angle", [0.3, 2.0, 3.7, 5.5])
+@at_once("size", [0.95, 1.05])
 def test_a_nonlinear_family_is_approached_to_rounding(angle, size):
     """From the centre of a quartic bowl and back: any direction will do, with one amplitude."""
     bowl = System(lambda q, v, t: v @ v / 2 - (q @ q) ** 2 / 4, ["x", "y"])

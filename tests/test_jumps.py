@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import at_once
 
 from actionopt import State, System
 from actionopt.mechanics.question.jumps import across, jumps
@@ -53,7 +54,7 @@ def test_a_rate_of_the_constraint_jumps():
     assert instants == [(0.3, np.nextafter(0.3, 1.0))]
 
 
-@pytest.mark.parametrize(
+@at_once(
     "lagrangian",
     [
         lambda q, v, t: v[0] ** 2 / 2 - np.abs(q[0]),  # no time in it

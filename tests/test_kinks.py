@@ -42,6 +42,7 @@ def test_a_jump_is_not_crossed_as_a_kink():
     assert ao.solve(asked, throw=False).status is ao.Status.JUMP
 
 
+@pytest.mark.long
 def test_a_mesh_that_is_given_holds_for_tables_too():
     x = np.linspace(-2, 2, 25)
     table = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.interp(q[0], x, -np.cos(x)), ["x"])

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter, of_every_scene, of_one_leg, solved
+from helpers import a_quarter, at_once, of_one_leg, solved
 
 import actionopt as ao
 from actionopt import plot, scenes
@@ -238,7 +238,7 @@ def test_the_picture_is_that_of_the_path_that_is_bent(folder, chromium):
     assert chromium.run(bob) == pytest.approx(chromium.run(theta), abs=1e-6)
 
 
-@of_every_scene
+@at_once("name", scenes.SCENES)
 def test_how_a_scene_looks_is_known_of_any_path(name):
     scene, rng = scenes.get(name), np.random.default_rng(3)
     shapes, function = trace_shapes(scene.problem.system.n, scene.draw)

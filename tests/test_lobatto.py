@@ -3,6 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
+from helpers import at_once
 from numpy.polynomial.legendre import legder, legval
 
 from actionopt.tools.lobatto import CLOSED, legendre, lgl, open_rule
@@ -54,7 +55,7 @@ def test_derivative_agrees_with_forty_digits(d):
     assert np.max(np.abs(lgl(d).derivative - exact)) <= bound
 
 
-@pytest.mark.parametrize("d", DEGREES)
+@at_once("d", DEGREES)
 def test_quadrature_is_exact_to_degree_2d_minus_1_and_no_further(d):
     rule = lgl(d)
     sums = legendre(2 * d, rule.nodes) @ rule.weights  # the integral of P_k is 2 for k = 0, else 0
@@ -64,7 +65,7 @@ def test_quadrature_is_exact_to_degree_2d_minus_1_and_no_further(d):
     assert sums[-1] > 1e-3 / d
 
 
-@pytest.mark.parametrize("d", DEGREES)
+@at_once("d", DEGREES)
 def test_polynomials_of_degree_d_are_interpolated_and_differentiated_exactly(d):
     rule = lgl(d)
     xi = np.linspace(-1, 1, 41)
@@ -93,8 +94,8 @@ def test_degrees_that_are_none(d):
         lgl(d)
 
 
-@pytest.mark.parametrize("ends", [(1, 0), (0, 1), (1, 1), (2, 0), (2, 1), (2, 2)])
-@pytest.mark.parametrize("degree", [2, 5, 12])
+@at_once("ends", [(1, 0), (0, 1), (1, 1), (2, 0), (2, 1), (2, 2)])
+@at_once("degree", [2, 5, 12])
 def test_open_rules_sum_polynomials_and_never_look_at_open_ends(degree, ends):
     rule = open_rule(degree, ends)
     exact = 2 * degree - (2 if 0 in ends else 3)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import at_once
 
 import actionopt as ao
 from actionopt.solver.ends.durations import barrier, explain_rest
@@ -57,7 +58,7 @@ LOOP = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] ** 4 / 4, 
 EVER = ao.Event(-np.inf, [-1.0])
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("problem", "passed"),
     [
         (ao.Problem(HILLS, EVER, ao.Event(0.0, [2.0])), "1 on its way to 2"),

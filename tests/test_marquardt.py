@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import at_once
 
 from actionopt import scenes
 from actionopt.discrete.action.transcription import Transcription
@@ -52,8 +53,8 @@ def difference(tr, z, direction, h=1e-6):
     return (tr.residual(z + h * direction) - tr.residual(z - h * direction)) / (2 * h)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("s", [0.1, 3.0])
+@at_once("kind", KINDS)
+@at_once("s", [0.1, 3.0])
 def test_a_step_is_the_least_squares_one(kind, s):
     tr, z, M, A = rough_path(kind)
     cut, r = tr.layout.unknowns, tr.residual(z)

@@ -7,6 +7,7 @@ import helpers
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 from matplotlib import pyplot
 
 import actionopt as ao
@@ -68,7 +69,7 @@ def test_a_drawing_of_ones_own():
     assert np.allclose(data.bodies[0], [[0, 0.5, 1], [0, 1, 2]])
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("draw", "message"),
     [
         (None, "as `scene.draw`"),

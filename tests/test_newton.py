@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import systems
-from helpers import motion, transcribed
+from helpers import at_once, motion, transcribed
 
 from actionopt.discrete.action.transcription import Transcription
 from actionopt.discrete.matrices.factors import Factors
@@ -45,8 +45,8 @@ LINEAR = {
 }
 
 
-@pytest.mark.parametrize("elements", [2, 30])
-@pytest.mark.parametrize("name", LINEAR)
+@at_once("elements", [2, 30])
+@at_once("name", LINEAR)
 def test_linear_systems_take_one_step_from_anywhere(name, elements):
     system, ends = LINEAR[name]
     tr = transcribed(system, ends, 1.3, elements, 8)
@@ -129,9 +129,9 @@ def test_the_noise_tells_the_accuracy_of_a_badly_conditioned_path():
     assert error / 100 <= result.noise <= 1e-6
 
 
-@pytest.mark.parametrize("gap", [1e-2, 1e-5, 1e-7])
-@pytest.mark.parametrize("m", [1.0, 1e6])
-@pytest.mark.parametrize("elements", [6, 30])
+@at_once("gap", [1e-2, 1e-5, 1e-7])
+@at_once("m", [1.0, 1e6])
+@at_once("elements", [6, 30])
 def test_a_path_of_zeros_is_as_uncertain_as_one_beside_it(gap, m, elements):
     """Its residual is exactly zero, and says nothing; what moves the other moves it as well."""
     system = System(lambda q, v, t: m * (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
@@ -147,8 +147,8 @@ def test_a_path_of_zeros_is_as_uncertain_as_one_beside_it(gap, m, elements):
     assert noise[1] <= noise[0] <= 1e5 * noise[1]
 
 
-@pytest.mark.parametrize("size", [-2.0, 0.0, 1.5])
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@at_once("size", [-2.0, 0.0, 1.5])
+@at_once("side", [1.0, -1.0])
 def test_any_path_of_a_family_is_one_that_hardly_is_determined(side, size):
     """Between conjugate ends: cos t + B sin t for every B. The matrix is singular to rounding."""
     system = systems.oscillator()

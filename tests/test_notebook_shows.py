@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from helpers import solved
+from helpers import at_once, solved
 
 import actionopt as ao
 from actionopt import plot, scenes
@@ -103,7 +103,7 @@ def test_a_relaxation_that_runs_away_lasts():
     assert there.arrived and frame_count(there, 25) == there.action.size
 
 
-@pytest.mark.parametrize("name", ["φ", "θ_1", "_a", "x2_b", "longName"])
+@at_once("name", ["φ", "θ_1", "_a", "x2_b", "longName"])
 def test_any_name_of_a_coordinate_or_parameter_is_shown(name):
     law = eval(f"lambda q, v, t, *, {name}: v[0] ** 2 / 2 - {name} * q[0] ** 2")
     shown = ao.System(law, [name], parameters={name: 1.0})._repr_html_()

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter, slow
+from helpers import a_quarter, at_once, slow
 
 import actionopt as ao
 from actionopt import plot
@@ -1186,7 +1186,7 @@ def test_a_surface_without_a_normal_is_named(row, why):
         ao.solve(ao.Problem(body(row), ao.Event(0, [-2.5, 0.1]), ao.Event(1, [2.5, -0.2])))
 
 
-@pytest.mark.parametrize(
+@at_once(
     "row, parts",
     [
         (lambda q: np.fmin(q[0] - 1, 2 * q[1] ** 2), lambda x, y: [x - 1, 2 * y**2]),
@@ -1382,6 +1382,7 @@ def test_a_belt_begins_on_a_surface():
     assert sol.problem.original.start.on is not None and sol.morse_index == 0
 
 
+@pytest.mark.quick("0.6")
 @pytest.mark.parametrize("x", [0.0, 0.6])
 def test_a_belt_begins_in_contact(x):
     start = ao.Event(0.0, None, on=lambda q, t: q[0] - x)
@@ -1504,7 +1505,7 @@ PLACE = ca.SX.sym("q", 2)
 X, Y = ca.vertsplit(PLACE)
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("row", "count"),
     [
         (ca.fmin(X, Y), 2),
@@ -1590,7 +1591,7 @@ def test_an_obstacle_leaves_the_forces_of_a_constraint_to_it():
     np.testing.assert_allclose(force, [-4.0, 0.0], atol=1e-12)
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("t", "distance", "zero"),
     [
         ([0.3], [1.0], 0.3),

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -231,7 +232,7 @@ def on_axis(q, t):
     return q[1]
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("make", "say"),
     [
         (lambda: ao.Event(1.0, [0.0, 1.0], on=on_axis), "a coordinate that is free"),
@@ -317,6 +318,7 @@ def test_all_the_normals_and_a_family():
     assert ao.solve(centre, throw=False).status is ao.Status.DEGENERATE
 
 
+@pytest.mark.quick("0.0001")
 @pytest.mark.parametrize("size", [1.0, 1e-4])
 def test_normals_from_a_point_close_to_an_ellipse_and_to_a_small_one(size):
     """One is short, the other leads across: the nearest point tells nothing of how far it is."""

@@ -46,6 +46,7 @@ def test_motions_through_a_narrow_force_rule_nothing_out():
     )
 
 
+@pytest.mark.quick("problem0")
 @pytest.mark.parametrize("problem", [bratu(1, 4.0), bratu(2, 5.0)])
 def test_a_question_without_an_answer_is_not_searched_on(problem):
     refused = ao.solve(problem, throw=False)
@@ -70,6 +71,7 @@ def over_a_bump(q, v, t):
     return (v @ v - q @ q) / 2 - 5e-4 * np.exp(-30 * ((q[0] + 0.85) ** 2 + (q[1] + 0.17) ** 2))
 
 
+@pytest.mark.quick("through_a_gap-q0-v0-1.02", "over_a_bump-q2-v2-9.394")
 @pytest.mark.parametrize(
     ("law", "q", "v", "T"),
     [

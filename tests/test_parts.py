@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import systems
-from helpers import fake
+from helpers import at_once, fake
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
@@ -429,7 +429,7 @@ def test_the_lowest_energy_is_told_and_a_duration_beside_it_tried(monkeypatch):
     assert "two paths merge" in scan.hint
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("arcs", "a", "b", "fixed", "moments", "expected"),
     [
         ([(0, 1, 2), (0, 3, 4), (1, 1, 5)], 2, 3, (), False, [(0, 1, 4), (1, 1, 5)]),
@@ -902,7 +902,7 @@ def test_amplitudes_are_changed_until_the_integral_is_that_given(monkeypatch):
     assert waves._project(tr, origin, variations, np.full(2, np.nan), np.array([5.0])) is None
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("values", "height"),
     [
         ([0, 1, 2, 3, 6, 7, 8, 9], 6.0),
@@ -1187,7 +1187,7 @@ def test_a_closed_path_goes_on_before_and_after():
     np.testing.assert_allclose(v[:, 2], v[::-1, 0], atol=1e-9)
 
 
-@pytest.mark.parametrize("shift", [0.1, 0.2, 0.55, -0.3, 1.0 - 1e-9])
+@at_once("shift", [0.1, 0.2, 0.55, -0.3, 1.0 - 1e-9])
 def test_a_closed_path_is_begun_later(shift):
     path, problem, curve = closed_path()
     found = closed.begin_later(path, shift, problem)
@@ -1244,7 +1244,7 @@ def test_a_step_from_rest_to_rest():
     assert guess(np.array([9.0, 10.0])).tolist() == [0.0, 1.0]  # 8 of 10 at the slow one
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("known", "expected"),
     [
         ({"forced": True}, False),

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers import at_once
 
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
@@ -59,7 +60,7 @@ def test_a_mesh_cannot_be_changed():
         MIXED.boundaries[0] = 1.0
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("boundaries", "degrees", "message"),
     [
         ([0.0], 2, "at least two finite element boundaries"),

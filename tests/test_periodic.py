@@ -373,6 +373,7 @@ def test_an_orbit_without_a_clock_is_moved_along_itself():
     assert ao.solve(loose, guess=pinned, throw=False).inertia.nullity == 1
 
 
+@pytest.mark.quick("3.0-2-0")
 @pytest.mark.parametrize(
     ("T", "index", "nullity"), [(2 * np.pi, 6, 4), (4 * np.pi, 14, 4), (3.0, 2, 0)]
 )
@@ -558,6 +559,7 @@ def test_multipliers_say_whether_neighbours_stay_near(multipliers, words):
     assert repr(M[0]).startswith("Monodromy([")  # a part of it has none
 
 
+@pytest.mark.quick("0.9")
 @pytest.mark.parametrize("given", [None, 0.9])
 def test_motions_are_changed_until_they_close(given):
     """Of x'' = -x - x^3, to the accuracy of guesses; what the start gives stays."""

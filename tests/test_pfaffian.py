@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 
 import actionopt as ao
 from actionopt import scenes
@@ -40,7 +41,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("rows", "n", "exact", "integrable"), CASES)
+@at_once(("rows", "n", "exact", "integrable"), CASES)
 def test_integrability(rows, n, exact, integrable):
     found = frobenius(rows, n)
     assert (found.exact, found.integrable) == (exact, integrable)

@@ -19,6 +19,7 @@ def oscillator(T):
     return solved("oscillator", duration=T, end=end)
 
 
+@pytest.mark.quick("4.4--45.0-0.01")
 @pytest.mark.parametrize("hbar", [0.01, *slow(0.03, 0.001)])
 @pytest.mark.parametrize(("T", "turned"), [(2.2, 45.0), (4.4, -45.0)])
 def test_the_sum_is_turned_by_a_quarter_at_the_focus(T, turned, hbar):

@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 import pytest
 import systems
-from helpers import solved
+from helpers import at_once, solved
 from matplotlib import pyplot
 
 import actionopt as ao
@@ -222,7 +222,7 @@ def test_a_family_of_reflections_shows_the_wall():
     assert (np.abs(radii - 1) < 1e-3).sum() > 100
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("check", "value", "words"),
     [
         (arguments._positive, 0, "expected a positive number, found 0"),

@@ -8,6 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 from matplotlib import pyplot
 from matplotlib.text import Text
 from matplotlib.tri import Triangulation
@@ -154,7 +155,7 @@ def test_figures_make_no_large_files(figure):
     assert file.tell() < LARGEST
 
 
-@pytest.mark.parametrize("figure", UNFORCED)
+@at_once("figure", UNFORCED)
 def test_without_a_functional_nothing_is_compared(figure):
     with pytest.raises(ValueError, match=r"expected .* without non-conservative forces"):
         FIGURES[figure](solved("damped_oscillator"), units=plot.SI)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
@@ -49,7 +50,7 @@ SINGULAR = {
 }
 
 
-@pytest.mark.parametrize("case", SINGULAR)
+@at_once("case", SINGULAR)
 def test_a_singular_mass_matrix_names_the_coordinate(case):
     lagrangian, names, guilty = SINGULAR[case]
     refused(
@@ -59,7 +60,7 @@ def test_a_singular_mass_matrix_names_the_coordinate(case):
     )
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("m", "other", "x", "principle"),
     [
         (1e-12, 1e-12, 1.0, "auto"),
@@ -76,7 +77,7 @@ def test_masses_of_any_size_and_units_are_no_singularity(m, other, x, principle)
     assert np.max(np.abs(solution(t) / np.array([[x], [1.0]]) - t)) <= 1e-8
 
 
-@pytest.mark.parametrize("small", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
+@at_once("small", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
 def test_a_small_extent_is_no_missing_mass(small):
     # Isotropic and uncoupled: each coordinate is a sine of its own.
     system = System(lambda q, v, t: kinetic(v) - (q[0] ** 2 + 2 * q[1] ** 2) / 2, ["x", "y"])
@@ -161,7 +162,7 @@ REDUNDANT = {
 }
 
 
-@pytest.mark.parametrize("case", REDUNDANT)
+@at_once("case", REDUNDANT)
 def test_redundant_rows_are_named(case):
     constraint, match = REDUNDANT[case]
     refused(constrained(constraint), match=match)
@@ -284,8 +285,8 @@ SINGULAR_EVENTS = {
 }
 
 
-@pytest.mark.parametrize("guessed", [False, True])
-@pytest.mark.parametrize("name", SINGULAR_EVENTS)
+@at_once("guessed", [False, True])
+@at_once("name", SINGULAR_EVENTS)
 def test_an_event_where_l_is_infinite_is_named(name, guessed):
     lagrangian, names, first, last, match = SINGULAR_EVENTS[name]
     guess = np.array([first, np.add(first, last) / 2 + 0.1, last]).T if guessed else None

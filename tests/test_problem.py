@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 
 from actionopt import scenes
 from actionopt.mechanics.question.events import Event, Periodic, State, _shift
@@ -118,7 +119,7 @@ def test_events_off_the_surface_are_refused_in_any_unit(r):
         Problem(circle, Event(0, [0, r]), Event(1, [r * 0.6, -r * 0.801]), parameters={"r": r})
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("build", "message"),
     [
         (lambda: Event("noon", [0]), "expected a number for the time of an event, found 'noon'"),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter
+from helpers import a_quarter, at_once
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -191,8 +191,8 @@ def test_what_a_lagrangian_may_hide_is_read_off_it():
     assert divided.structure.samples == 2500
 
 
-@pytest.mark.parametrize("degree", [1, 6, 24])
-@pytest.mark.parametrize("panels", [2, 3, 64])
+@at_once("degree", [1, 6, 24])
+@at_once("panels", [2, 3, 64])
 def test_dense_points_integrate_and_leave_no_gap(degree, panels):
     rule = lgl(degree)
     dense = rule.dense(panels)

@@ -33,6 +33,7 @@ def reflected(points, normal):
     return max(misses)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bounces", [3, pytest.param(6, marks=pytest.mark.slow)])
 def test_many_bounces_in_an_ellipse(bounces):
     ends = ao.Event(0, [1.2, 0.1]), ao.Event(1, [0.4, -0.5])

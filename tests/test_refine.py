@@ -110,6 +110,7 @@ def test_a_finer_mesh_has_more_degrees_or_halves_where_there_are_no_more():
     assert finer.boundaries.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
+@pytest.mark.quick("2.0-2-5", "9.29-2-1", "40.0-2-3")
 @pytest.mark.parametrize("degree", [1, 2, 3, 5])
 @pytest.mark.parametrize("elements", a_quarter([2, 1, 4, 8]))
 @pytest.mark.parametrize("T", [2.0, 9.29, 40.0])

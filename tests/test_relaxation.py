@@ -5,7 +5,7 @@ from functools import cache
 import helpers
 import numpy as np
 import pytest
-from helpers import same_bits
+from helpers import at_once, same_bits
 
 import actionopt as ao
 from actionopt import plot
@@ -33,8 +33,8 @@ def bent(solution, wave, size=0.7):
     return lambda t: solution(t) + size * np.sin(np.pi * wave * t / duration)
 
 
-@pytest.mark.parametrize("kind", T)
-@pytest.mark.parametrize("wave", [1, 2, 5])
+@at_once("kind", T)
+@at_once("wave", [1, 2, 5])
 def test_a_sine_shrinks_or_grows_as_its_eigenvalue_says(kind, wave):
     """S on eta = sin: int (eta'^2 - eta^2); the metric's: int (eta'^2 + eta^2 / tau^2)."""
     solution, duration = solved(kind), T[kind]

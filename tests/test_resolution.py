@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import same_bits
+from helpers import at_once, same_bits
 
 from actionopt.discrete.meshes.mesh import Mesh
 from actionopt.discrete.meshes.path import Path
@@ -44,16 +44,16 @@ def meet(f, mesh, target, sizes=ONE, rounds=12):
     raise AssertionError(f"{rounds} rounds did not reach {target}, still {found.worst}")
 
 
-@pytest.mark.parametrize("distance", [0.1, 0.5, 2.0])
-@pytest.mark.parametrize("degree", [8, 14])
+@at_once("distance", [0.1, 0.5, 2.0])
+@at_once("degree", [8, 14])
 def test_the_rate_is_that_of_the_nearest_singularity(distance, degree):
     found = resolved(pole(distance), Mesh([-1, 1], degree))
     # Coefficients like k^(1/2) exp(-k log rho), the last ones with what is beyond them folded in.
     assert 0.5 * log_rho(distance) <= found.rate[0] <= 1.1 * log_rho(distance)
 
 
-@pytest.mark.parametrize("distance", [0.3, 1.0])
-@pytest.mark.parametrize("degree", [6, 10, 16])
+@at_once("distance", [0.3, 1.0])
+@at_once("degree", [6, 10, 16])
 def test_the_coefficient_left_out_is_of_the_size_of_the_next_one(distance, degree):
     f = pole(distance)
     found = resolved(f, Mesh([-1, 1], degree))
@@ -94,8 +94,8 @@ def test_the_steepest_place_is_where_the_step_is():
     assert left <= 0.3 <= right
 
 
-@pytest.mark.parametrize("target", [1e-4, 1e-8, 1e-12])
-@pytest.mark.parametrize("distance", [1e-3, 0.1, 1.0])
+@at_once("target", [1e-4, 1e-8, 1e-12])
+@at_once("distance", [1e-3, 0.1, 1.0])
 def test_refined_meshes_resolve_a_pole(distance, target):
     f = pole(distance)
     size = 1 / distance

@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers import at_once
 from scipy.integrate import solve_ivp
 
 from actionopt import Event, Mesh, Path, Periodic, integrate, monodromy, scenes, solve
@@ -609,7 +610,7 @@ def test_elliptic_functions_satisfy_their_definitions(k):
     assert abs(sn - 1) < END_TOLERANCE and abs(cn) < 10 * END_TOLERANCE
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("name", "parameters", "words"),
     [
         ("oscillator", {"duration": np.pi}, "conjugate"),

@@ -435,6 +435,7 @@ def test_derivatives_by_the_exponent_of_what_is_zero_at_an_end(law, start, T, ra
     assert runs.slopes[0, 0] == pytest.approx([slope, -solution.energy(T)], rel=1e-7)
 
 
+@pytest.mark.long
 def test_an_infinite_rate_of_l_at_a_centre_counts_only_where_the_centre_moves():
     system = ao.System(lambda q, v, t: t**0.5 * (v[0] ** 2 + q[0] ** 2) / 2, ["x"])
     problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(3.0, [1.0]))

@@ -53,6 +53,7 @@ def test_changes_may_grow_towards_the_edge_but_not_leap():
         assert found.max() == 1 and np.ptp(found[row]) == 0 and (found[row] != found[2]).all()
 
 
+@pytest.mark.long
 def test_paths_that_hardly_change_with_their_time_any_more_are_one_sheet():
     """Over a barrier in little time or long: the first row is not a sheet by itself."""
     law = ao.System(

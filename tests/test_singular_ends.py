@@ -290,8 +290,9 @@ def test_derivatives_at_a_singular_end_are_nan_where_there_are_none():
     back = ao.solve(
         ao.Problem(BRACHISTOCHRONE, ao.Event(0, [1, 0.7]), ao.Event(1, [0, 0])), tol=1e-10
     )
-    assert back.sensitivity().q1q1[0, 0] == pytest.approx(found.q1q1[0, 0], rel=1e-10)
-    assert back.sensitivity().q0q0 == pytest.approx(found.q1q1, rel=1e-10)
+    returned = back.sensitivity()
+    assert returned.q1q1[0, 0] == pytest.approx(found.q1q1[0, 0], rel=1e-10)
+    assert returned.q0q0 == pytest.approx(found.q1q1, rel=1e-10)
     atom = ao.System(lambda q, v, r: v[0] ** 2 / 2 - q[0] ** 2 / r, ["u"])
     radial = ao.solve(ao.Problem(atom, ao.Event(0, [0]), ao.Event(3, [1])))
     assert radial.momenta[0] == pytest.approx(radial.velocity(0.0), rel=1e-6)
@@ -323,6 +324,7 @@ def test_a_lagrangian_is_asked_at_velocities_below_its_limit_too():
     assert not nonfinite(problem, np.zeros(1), 0.0, np.array([3.0]))
 
 
+@pytest.mark.quick("False-0.0015-1.0", "True-0.05-2.4", "False--0.95-2.4", "True--0.9-1.7")
 @pytest.mark.parametrize(
     ("power", "T"), [(0.0015, 1.0), (0.05, 2.4), (-0.1, 1.7), (-0.9, 1.7), (-0.95, 2.4)]
 )

@@ -40,6 +40,7 @@ def refracted(w):
     return x, t, action(x, t)
 
 
+@pytest.mark.quick("-0.25")
 @pytest.mark.parametrize("w", [0.3, -0.25])
 def test_refraction_at_a_plane_that_moves(w, tmp_path):
     problem = moving(w)

@@ -213,7 +213,7 @@ def _through():
     yield Problem(rope, Event(0, [0]), Event(2, [0.4]), integral=2.6), rope
 
 
-@pytest.mark.quick("problem0-system0", "problem1-system1")
+@pytest.mark.quick("problem0-system0")
 @pytest.mark.parametrize(("problem", "system"), [*_through()])
 def test_events_between_the_ends_and_integrals_come_back(problem, system, tmp_path):
     file, solution = tmp_path / "through.npz", ao.solve(problem)
@@ -275,7 +275,7 @@ def _higher():
     yield Problem(bent, leave, arrive, integral=0.2), bent
 
 
-@pytest.mark.quick("problem4-system4", "problem6-system6")
+@pytest.mark.quick("problem6-system6")
 @pytest.mark.parametrize(("problem", "system"), [*_higher()])
 def test_accelerations_come_back(problem, system, tmp_path):
     file, solution = tmp_path / "higher.npz", ao.solve(problem)
@@ -526,6 +526,14 @@ NEARLY = {
 }
 
 
+@pytest.mark.quick(
+    "a velocity-1.0",
+    "a momentum--1.0",
+    "a first coordinate-1.0",
+    "a last coordinate--1.0",
+    "the first time-1.0",
+    "the last time--1.0",
+)
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("what", NEARLY)
 def test_numbers_may_be_rounded_and_not_changed(own, what, side, tmp_path):

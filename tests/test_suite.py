@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import mpmath
 import numpy as np
 import pytest
-from helpers import a_quarter
+from helpers import a_quarter, at_once
 
 from actionopt import Mesh, scenes, suite
 from actionopt.suite import known, solvers, stars
@@ -577,7 +577,7 @@ def test_size_costs_no_more_than_its_share():
     assert large[1] <= 8.5 * small[1]
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("mesh", "message"),
     [
         ({"elements": 0}, "whole number of elements, at least 1, found 0"),

@@ -146,16 +146,7 @@ def off(problem, back, x, lam):
     return [np.max(np.abs(a - b) / size, initial=0.0) for a, b, size in pairs]
 
 
-@pytest.mark.quick(
-    "oscillator",
-    "driven_oscillator",
-    "moving_pivot",
-    "sliding_wedge",
-    "turning_wire_radial",
-    "rod_pendulum_redundant",
-    "string_grazing",
-    "wall_straight",
-)
+@pytest.mark.quick("driven_oscillator", "rod_pendulum_redundant", "string_grazing", "wall_straight")
 @pytest.mark.parametrize("name", [*a_quarter(NAMES), *OTHERS])
 def test_nl_files_read_back(name, tmp_path):
     problem = few(name)
@@ -426,6 +417,7 @@ def test_problems_selected_for_optiprofiler():
 # -- a folder of them ------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_dump_can_be_checked_against_its_manifest(tmp_path):
     chosen = [suite.get(name) for name in ("oscillator", "kepler_two_ways")]
     manifest = dump(chosen, tmp_path / "all")

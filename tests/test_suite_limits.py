@@ -7,6 +7,7 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import at_once
 
 from actionopt import suite
 from actionopt.suite import asl, commands, nl, solvers
@@ -135,7 +136,7 @@ def test_what_is_no_parameter_of_a_member_is_refused(text):
         commands._setting(text)
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("number", "meaning"),
     [(-1, "solved"), (0, "solved"), (103, "solved"), (200, "infeasible"), (399, "unbounded"),
      (400, "gave up"), (599, "gave up"), (999, "gave up")],

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import at_once
 from scipy.integrate import solve_ivp
 from scipy.linalg import null_space
 from scipy.optimize import least_squares
@@ -41,7 +42,7 @@ FEASIBLE = [name for name in SMOOTH if name not in INFEASIBLE]
 STEP = 1e-6  # of the differences; they leave its square and round-off over it
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+@at_once("name", SMOOTH)
 def test_derivatives_are_those_of_the_functions(name):
     problem = suite.model(name)
     random = np.random.default_rng(5)
@@ -65,6 +66,9 @@ def test_derivatives_are_those_of_the_functions(name):
         )
 
 
+@pytest.mark.quick(
+    "arm_in_disc", "torsion", "soap_film", "double_integrator", "goddard_rocket", "blocks_by_hand"
+)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_files_have_the_same_functions(name, tmp_path):
     problem = suite.model(name)
@@ -178,8 +182,8 @@ def least_of_combination(problem, y):
     return -((links * length) ** 2)
 
 
-@pytest.mark.parametrize("missing", [0.02, 0.1, 0.5])
-@pytest.mark.parametrize("name", INFEASIBLE)
+@at_once("missing", [0.02, 0.1, 0.5])
+@at_once("name", INFEASIBLE)
 def test_multipliers_prove_that_nothing_is_feasible(name, missing):
     problem = suite.model(name, missing=missing)
     y, (lower, upper) = problem.lam_star, problem.constraint_bounds
@@ -743,7 +747,7 @@ def test_score_is_the_part_of_ways_that_are_found(monkeypatch):
     assert score(problem, [np.array([2.5])], reach=0.5) == 0.5
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("check", "value", "words"),
     [
         (lambda x: small._whole(x, "links"), 1, "expected 2 to 20 links, found 1"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter, integrated
+from helpers import a_quarter, at_once, integrated
 
 import actionopt as ao
 from actionopt import scenes
@@ -229,7 +229,7 @@ def test_cyclic_coordinates_are_found(name, coordinates):
             assert np.max(np.abs(difference)) < FORMULA_TOLERANCE
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("name", "mechanical"),
     [
         ("pendulum", True),
@@ -402,7 +402,7 @@ def test_only_what_is_a_whole_number_up_to_rounding_becomes_one(slope, whole):
 # -- linear algebra ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(6))
+@at_once("seed", range(6))
 def test_the_echelon_form_depends_on_the_space_alone(seed):
     """Rows [1 0 a; 0 1 b] and the like, mixed by any regular matrix, come back."""
     rng = np.random.default_rng(seed)

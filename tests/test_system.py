@@ -6,6 +6,7 @@ import warnings
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import at_once
 
 import actionopt as ao
 from actionopt.mechanics.system import System
@@ -215,7 +216,7 @@ SAME = {
 }
 
 
-@pytest.mark.parametrize("how", SAME)
+@at_once("how", SAME)
 def test_numpy_and_casadi_functions_give_the_same_physics_without_a_warning(how):
     q, v, t = points(2, seed=7)
     with warnings.catch_warnings():
@@ -450,7 +451,7 @@ BAD_SYSTEMS = [
 ]
 
 
-@pytest.mark.parametrize(("build", "message"), BAD_SYSTEMS)
+@at_once(("build", "message"), BAD_SYSTEMS)
 def test_bad_systems_say_what_is_wrong(build, message):
     with pytest.raises(ValueError, match=message) as error:
         build()
@@ -463,7 +464,7 @@ def test_functions_that_turn_symbols_into_nan_are_refused(function):
         System(lambda q, v, t: v[0] ** 2 / 2 + function(q[0]), ["x"])
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("call", "message"),
     [
         (lambda: kepler.momentum([1.0], [1.0], 0.0), r"expected q of shape \(2,\) or \(2, K\)"),

@@ -7,6 +7,7 @@ import pickle
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import at_once
 from scipy.integrate import solve_ivp
 
 import actionopt as ao
@@ -20,8 +21,8 @@ from actionopt.tools.tape import Tape
 RANDOM = np.random.default_rng(2)
 
 
-@pytest.mark.parametrize("count", [1, 5, 40])
-@pytest.mark.parametrize(
+@at_once("count", [1, 5, 40])
+@at_once(
     "named", [{}, {"left": 7.0}, {"left": 1.0, "right": -2.0}, {"period": 7.3}, {"period": 2.1}]
 )
 def test_a_table_of_an_expression_is_that_of_numbers(count, named):

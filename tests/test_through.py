@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 import systems
+from helpers import at_once
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -369,7 +370,7 @@ def test_many_waypoints_cost_so_many_times_one():
     assert found.action == pytest.approx(sum(leg[0] for leg in legs), rel=1e-9)
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("events", "message"),
     [
         ([ao.Event(2, [1, 1])], "order of their times"),
@@ -485,6 +486,7 @@ def test_the_matrix_is_the_derivative_of_the_equations():
     assert matrix == pytest.approx(np.stack(columns, axis=1), abs=1e-6)
 
 
+@pytest.mark.quick("1.3-1.7")
 @pytest.mark.parametrize(("a", "b"), [(2.0, 1.0), (1.3, 1.7)])
 def test_an_orbit_between_the_vertices_of_an_ellipse(a, b):
     """Two bounces on the axis of y: the trace of the monodromy is 4 (1 - L / R)^2, R = a^2 / b."""

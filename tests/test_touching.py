@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import at_once
 from scipy.integrate import solve_ivp
 
 import actionopt as ao
@@ -645,7 +646,7 @@ def test_the_time_of_an_event_is_found_before_a_spline_touches():
     assert np.ptp(found.energy([0.1, 0.9, 1.2, 2.5])) < 1e-8
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("ask", "says"),
     [
         (

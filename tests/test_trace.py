@@ -8,7 +8,7 @@ from weakref import ref
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter, motion
+from helpers import a_quarter, at_once, motion
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
@@ -307,7 +307,7 @@ def test_what_meshes_left_behind_took_is_free(kept, chain, monkeypatch):
     monkeypatch.setattr(module, "forget", lambda layout: left.append(ref(layout)) or forget(layout))
     gc.disable()
     try:
-        found = trace(chain.problem, "g", 60.0, guess=chain)
+        found = trace(chain.problem, "g", 13.0, guess=chain)
     finally:
         gc.enable()
     assert found.stats["meshes"] > 2 and len(left) == found.stats["meshes"] - 2
@@ -334,7 +334,7 @@ class Line:
         return np.sqrt(self.inner(tr, change, change))
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("function", "root"),
     [
         (lambda p: p.s, 0.0),  # at the left end
@@ -635,7 +635,7 @@ def test_a_rope_grows():
     assert not found.indices.any()
 
 
-@pytest.mark.parametrize(
+@at_once(
     "vary",
     [
         ("through", 0),
@@ -678,7 +678,7 @@ def test_a_pulse_of_the_time_alone_counts_in_the_action():
     assert found.values[-1] == 1.5 and found.actions[-1] == pytest.approx(exact, rel=1e-8)
 
 
-@pytest.mark.parametrize(
+@at_once(
     ("slope", "turns", "hides"),
     [  # of a cubic: where it turns between 0 and 1, and whether its ends do not show that
         (np.poly1d([0.4, 0.6], True), [0.4, 0.6], True),

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 import systems
-from helpers import a_quarter
+from helpers import a_quarter, at_once
 from numpy.polynomial import Legendre, Polynomial
 
 from actionopt.discrete.action.transcription import Transcription
@@ -263,8 +263,8 @@ def exact_action(q, k, t0, t1):
     return L(t1) - L(t0)
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3, 5, 8])
-@pytest.mark.parametrize("k", [2.0, -0.7])
+@at_once("degree", [1, 2, 3, 5, 8])
+@at_once("k", [2.0, -0.7])
 def test_action_of_polynomials_is_exact(degree, k):
     # t v^2 has degree 2d - 1, the highest that d + 1 LGL points integrate (d > 1 for t q).
     q = Polynomial(np.random.default_rng(degree).uniform(-1, 1, degree + 1))
@@ -289,9 +289,9 @@ def test_degree_two_d_is_summed_by_the_rule_and_not_integrated():
 # -- momenta and multipliers -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mesh", [Mesh([0, 0.1, 1.5], [5, 2]), Mesh.uniform(0, 1.5, 7, 3)])
-@pytest.mark.parametrize(("m", "g", "a"), [(2.0, 9.81, 0.0), (0.3, -1.5, 4.0)])
-@pytest.mark.parametrize("row", [1.0, 1e3])
+@at_once("mesh", [Mesh([0, 0.1, 1.5], [5, 2]), Mesh.uniform(0, 1.5, 7, 3)])
+@at_once(("m", "g", "a"), [(2.0, 9.81, 0.0), (0.3, -1.5, 4.0)])
+@at_once("row", [1.0, 1e3])
 def test_rows_have_the_multipliers_of_the_continuous_problem(mesh, m, g, a, row):
     # A table that rises as a t^2 / 2 pushes the mass with m (g + a), at every node.
     table = System(

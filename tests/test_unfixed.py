@@ -384,6 +384,7 @@ def test_an_oscillator_that_sets_out_near_its_rest_passes_a_place_four_times():
     assert sorted(path.duration for path in paths) == pytest.approx(sorted(exact))
 
 
+@pytest.mark.quick("0.9-0.7")
 @pytest.mark.parametrize("start", [None, 0.7, *slow(0.0)])
 @pytest.mark.parametrize("energy", [0.9, *slow(4.0)])
 def test_period_of_a_quartic_oscillator(start, energy):

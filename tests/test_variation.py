@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import systems
-from helpers import solved
+from helpers import at_once, solved
 
 import actionopt as ao
 from actionopt import scenes
@@ -67,7 +67,7 @@ def test_the_check_of_the_first_derivative_sees_a_path_that_is_none(name):
     assert abs(gradient @ S.eta.values.T.ravel()) > 1e3 * ROUNDING * S.cancelling
 
 
-@pytest.mark.parametrize("name", CONSERVATIVE + CONSTRAINED)
+@at_once("name", CONSERVATIVE + CONSTRAINED)
 def test_second_derivative_is_the_second_variation(name):
     _, S = varied(name)
     h = 5e-3  # rounding of S over h^2 and h^6 of the formula balance here

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from helpers import a_quarter, same_bits
+from helpers import a_quarter, at_once, same_bits
 
 import actionopt as ao
 from actionopt import scenes
@@ -164,7 +164,7 @@ def test_what_progress_raises_ends_the_solve():
         ao.solve(hard(), progress=tell)
 
 
-@pytest.mark.parametrize("seconds", [0, -1.0, np.nan, "1", True])
+@at_once("seconds", [0, -1.0, np.nan, "1", True])
 def test_seconds_that_make_no_sense(seconds):
     with pytest.raises(ValueError, match=r"seconds"):
         ao.solve(hard(), seconds=seconds)

@@ -202,6 +202,7 @@ def test_the_script_of_the_live_figure_fills_its_words():
         assert given == set(re.findall(r"\{(\w+)\}", PAGE_WORDS[key])), key
 
 
+@pytest.mark.quick("de")
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_live_page_speaks_one_language(name, tmp_path):
     plot.page(scenes.get("oscillator"), tmp_path / "page.html", lang=name)
