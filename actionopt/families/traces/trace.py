@@ -70,10 +70,10 @@ TRACE_RESOLUTION = 1e-5
 # for ones that cross. Measured: ones that do have up to .35, and imperfections of an end 2.2 times
 # their size.
 BRANCH_GAP = 3.0
-# How far ahead of where branches miss each other a step is to end, and how long the next one is, in
-# parts of how much they do. Derived: the hyperbola a x = apart^2 has turned by 6 degrees at x = 3
-# apart. Measured: a chain of 16 links takes 106 factorizations, 114 by steps of apart.
-SHORT_OF_TURN, ROUND_TURN = 3.0, 2.0
+# How far ahead of where branches miss each other a step is to end, in parts of how much they do.
+# Derived: the hyperbola a x = apart^2 has turned by 6 degrees at x = 3 apart. The next step is as
+# long as they miss each other: by twice that a chain of 16 links came to another branch.
+SHORT_OF_TURN = 3.0
 # What a mesh leaves out once it is refined, in parts of `tol`: the next points are resolved, too.
 # Measured on chains of 15 to 25 links: of 10 to 12 meshes 6 are left, at 1e-2 4.
 SPARE_TAILS = 0.1
@@ -648,7 +648,7 @@ class _TraceRun:
             if isinstance(found, Miss):
                 ahead, again = found.along - SHORT_OF_TURN * found.apart, self.turn is not None
                 leads = found.apart < ahead < step.length and not again
-                self.turn = (ahead, ROUND_TURN * found.apart) if leads else None
+                self.turn = (ahead, found.apart) if leads else None
                 found = None
             if found is None and not short:
                 return None
