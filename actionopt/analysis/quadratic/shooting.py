@@ -7,7 +7,7 @@ velocities. What arrives is a guess for a path between the two events.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -273,15 +273,38 @@ def hermite(times: Array, q: Array, v: Array, *, slope: bool = False):
 
     def curve(t: Array) -> Array:
         i = np.clip(np.searchsorted(times, t, side="right") - 1, 0, times.size - 2)
-        h = times[i + 1] - times[i]
-        s = (t - times[i]) / h
-        rise, forth, back = s * s * (3 - 2 * s), h * s * (1 - s) ** 2, h * s * s * (1 - s)
-        if slope:
-            rise, forth, back = 6 * s * (1 - s) / h, (1 - s) * (1 - 3 * s), s * (2 - 3 * s)
-        a = 0 if slope else q[:, i]
-        return a + (q[:, i + 1] - q[:, i]) * rise + forth * v[:, i] - back * v[:, i + 1]
+        return _cubic(times, q, v, i, t, slope)
 
     return curve
+
+
+def states(flights: Sequence[Flight], times: Sequence[Array]) -> tuple[Array, Array]:
+    """Return coordinates and velocities (n, K) of motions at times of each, one after the other.
+
+    As `hermite` does, of motions of two steps and more.
+    """
+    made, parts = (
+        Flight(*(np.concatenate(each, axis=-1) for each in zip(*flights, strict=True))),
+        [],
+    )
+    first = 0
+    for flight, t in zip(flights, times, strict=True):
+        last = flight.times.size - 2
+        parts.append(first + (flight.times.searchsorted(t, "right") - 1).clip(0, last))
+        first += last + 2
+    i, t = np.concatenate(parts), np.concatenate(times)
+    return _cubic(*made, i, t, False), _cubic(*made, i, t, True)
+
+
+def _cubic(times: Array, q: Array, v: Array, i: NDInt, t: Array, slope: bool) -> Array:
+    """Return what the cubics between the times i (K,) and the next ones are at t (K,), (n, K)."""
+    h = times[i + 1] - times[i]
+    s = (t - times[i]) / h
+    rise, forth, back = s * s * (3 - 2 * s), h * s * (1 - s) ** 2, h * s * s * (1 - s)
+    if slope:
+        rise, forth, back = 6 * s * (1 - s) / h, (1 - s) * (1 - 3 * s), s * (2 - 3 * s)
+    a = 0 if slope else q[:, i]
+    return a + (q[:, i + 1] - q[:, i]) * rise + forth * v[:, i] - back * v[:, i + 1]
 
 
 def aim(problem: Problem, v0: Array, targets: Array, *, back: bool = False) -> tuple[Array, NDInt]:

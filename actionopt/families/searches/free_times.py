@@ -21,7 +21,13 @@ from actionopt.mechanics.question.problem import Problem
 from actionopt.solver.ends.closed import LOOKED_AT
 from actionopt.solver.ends.durations import rates, return_time, times_along
 from actionopt.solver.kinds.first_paths import FirstPaths, straight
-from actionopt.solver.kinds.single_shooting import PASSES_EACH, THROWN, MissUnits, passages
+from actionopt.solver.kinds.single_shooting import (
+    PASSES_EACH,
+    THROWN,
+    MissUnits,
+    cut_off,
+    passages,
+)
 from actionopt.solver.refinement.iterate import sizes
 from actionopt.tools.types import Array
 
@@ -88,8 +94,9 @@ def _passages(
     most = 2 + windings if freedom == 1 else PASSES_EACH
     units = MissUnits.of(problem, unit, q, v, t0)
     spans = fixed.duration / 4, fixed.duration
-    paths = [item for found in passages(problem, q, v, spans, units, most=most) for item in found]
-    return [path for _, path in sorted(paths, key=lambda item: item[0])[:MOST_PASSAGES]]
+    passed = chain.from_iterable(passages(problem, q, v, spans, units, most=most))
+    nearest = sorted(passed, key=lambda item: item[0])[:MOST_PASSAGES]
+    return [cut_off(problem, motion, end) for _, motion, end in nearest]
 
 
 def is_first(solution: Solution, windings: int) -> bool:

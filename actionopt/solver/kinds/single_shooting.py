@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.quadratic.shooting import (
+    Flight,
     arrive,
     flights,
-    hermite,
     in_directions,
     motions,
+    states,
     velocities,
 )
 from actionopt.discrete.borders.borders import over
@@ -83,10 +84,14 @@ def misses(problem: Problem, k: int, state: tuple[Array, Array, Array], unit: Mi
     lost = ~np.isfinite(q + v).all(axis=0)
     q, v, later = np.where(lost, 0.0, q), np.where(lost, 0.0, v), 0.0
     with np.errstate(all="ignore"):
+        target = np.array([event.q[i] for i in given], dtype=float)[:, None]
+        rows = [(q[given] - target) / unit.q[given, None]]
+        any_energy = event.t is not None or _keeps_energy(problem)
+        if any_energy and event.on is None and not free.size:  # nothing is asked of velocities
+            return np.where(lost, np.nan, rows[0])
         at = q.T, v.T, t[:, None], problem.packed
         _, p, L = (x.copy() for x in system.pointwise("first")(*at))
-        target = np.array([event.q[i] for i in given], dtype=float)[:, None]
-        rows, pull = [(q[given] - target) / unit.q[given, None]], p[:, free] * unit.q[free]
+        pull = p[:, free] * unit.q[free]
         if event.on is not None:
             on, by_q, by_t = event.on.along(q.T, t, problem.packed)
             by_q = np.nan_to_num(by_q[:, :, free] * unit.q[free])
@@ -96,7 +101,7 @@ def misses(problem: Problem, k: int, state: tuple[Array, Array, Array], unit: Mi
             pull = pull - (mu.transpose(0, 2, 1) @ by_q)[:, 0]
             later = (mu[..., 0] * by_t).sum(axis=1)
         rows.append(pull.T / unit.action)
-        if event.t is None and not _keeps_energy(problem):
+        if not any_energy:
             H = np.sum(p * v.T, axis=1) - L[:, 0]
             rows.append((H + later - problem.energy)[None] / unit.energy)
     return np.where(lost, np.nan, np.concatenate(rows))
@@ -192,7 +197,7 @@ def _passing(
         SPANS, passages(problem, q0, v0, spans, unit, watch=watch), strict=True
     ):
         near = near or bool(passed)
-        yield from (path for _, path in passed[:PASSAGES])
+        yield from (cut_off(problem, motion, end) for _, motion, end in passed[:PASSAGES])
         if span == TURNED_BACK and not near:
             return
 
@@ -221,11 +226,11 @@ def passages(
     *,
     most: int = PASSES_EACH,
     watch: Watch | None = None,
-) -> Iterator[list[tuple[float, Path]]]:
-    """Yield motions from q0 and v0 (n, K) up to where they miss least of the end, and by how much.
+) -> Iterator[list[tuple[float, Flight, float]]]:
+    """Yield by how much motions from q0 and v0 (n, K) miss the end, which, and when that is least.
 
-    They are carried on to each of the times `spans`, with up to `most` passages between, and moved
-    to the coordinates that the events give; the nearest come first.
+    They are carried on to each of the times `spans`, with up to `most` passages between; the
+    nearest come first.
     """
     long, since = over(problem, spans[-1]), 0.0
     t0 = long.start.t
@@ -233,17 +238,23 @@ def passages(
         found, step = [], (span - since) / LOOKED_AT
         looked_at = t0 + np.arange(since and since - 2 * step, span + step / 2, step)
         looked_at[-1], since = t0 + span, span
+        going, times = [flight for flight in going if flight.times[-1] > looked_at[0]], []
         for flight in going:
             # Besides at the motion's own steps: a long span may hold hundreds of its oscillations.
             own = flight.times[flight.times > looked_at[0]]
-            times = np.union1d(looked_at[looked_at <= flight.times[-1]], own)
-            if times.size < 3:
-                continue
-            state = hermite(*flight)(times), hermite(*flight, slope=True)(times), times
-            away = np.linalg.norm(misses(problem, 1, state, unit), axis=0)
-            low = 1 + np.flatnonzero((away[1:-1] <= away[:-2]) & (away[1:-1] < away[2:]))
-            found += [
-                (float(away[i]), stretch_guess(problem, flight.path(t0, times[i])))
-                for i in [i for i in low if away[i] < PASSED_BY][:most]
-            ]
+            times.append(np.sort(np.concatenate([looked_at[looked_at <= own[-1]], own])))
+        if not going:
+            yield []
+            continue
+        state = *states(going, times), np.concatenate(times)
+        away = np.linalg.norm(misses(problem, 1, state, unit), axis=0)
+        parts = np.split(away, np.cumsum([t.size for t in times[:-1]]))
+        for flight, t, away in zip(going, times, parts, strict=True):
+            low = (away[1:-1] <= away[:-2]) & (away[1:-1] < away[2:]) & (away[1:-1] < PASSED_BY)
+            found += [(float(away[i]), flight, t[i]) for i in 1 + np.flatnonzero(low)[:most]]
         yield sorted(found, key=lambda item: item[0])
+
+
+def cut_off(problem: Problem, motion: Flight, end: float) -> Path:
+    """Return a motion up to a time, moved to the coordinates that the events give."""
+    return stretch_guess(problem, motion.path(float(motion.times[0]), end))
