@@ -94,6 +94,15 @@ def test_no_path_is_said():
     assert newton_homotopy(tr, tr.pack(tr.straight()))[0] is None
 
 
+def test_a_curve_that_comes_back_to_where_it_began_ends_there():
+    # Round once in some 190 factorizations; 240 steps would take 560.
+    soft = System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    tr = transcribed(soft, ([0.5], [2.0]), 10.0, 8)
+    found, count = newton_homotopy(tr, tr.pack(tr.straight()))
+    assert found is None
+    assert count < 300
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("links", [30, pytest.param(70, marks=pytest.mark.slow)])
 def test_a_small_swing_of_many_links_near_a_resonance(links):

@@ -54,10 +54,26 @@ def newton_homotopy(
     if not uneven:
         most = min(most, most * ALL_SIZE // tr.layout.size + FEWEST_FACTORIZATIONS)
     way = HomotopyCurve(tr, z, tr.residual(z), Inertias(tr, z) if uneven else None)
-    while way.count < most and way.advance():
+    while way.count < most:
+        before = way.z, way.s
+        if not way.advance() or _returns(z[: tr.layout.unknowns], before, (way.z, way.s)):
+            break
         if way.s >= 1.0 - 1e-9:
             return way.z, way.count
     return None, way.count
+
+
+def _returns(first: Array, before: tuple[Array, float], here: tuple[Array, float]) -> bool:
+    """Whether a step leads past where the curve began: it is closed, and never comes to s = 1.
+
+    It began with s = 0 at `first` (k,), those of the unknowns (z, s) that are looked at.
+    """
+    (z0, s0), (z1, s1) = before, here
+    if not s0 < 0.0 <= s1:
+        return False
+    chord = z1[: first.size] - z0[: first.size]
+    off = z0[: first.size] + s0 / (s0 - s1) * chord - first
+    return float(off @ off) < float(chord @ chord) / 4
 
 
 class Inertias:
