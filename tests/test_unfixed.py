@@ -452,6 +452,18 @@ def test_one_coordinate_that_turns_needs_no_guess(sign):
         ao.solve(ao.Problem(pendulum, free(0.0, [0.4]), end, energy=0.5))
 
 
+@pytest.mark.parametrize("above", [1e-5, 1e-7])
+def test_one_coordinate_turns_just_above_its_top(above):
+    """T = 2 k K(k), 1 - k^2 = above / (2 + above): most of the time is spent near the top."""
+    end = ao.Periodic(None, advance=[2 * np.pi])
+    problem = ao.Problem(systems.pendulum(), free(0.0, [None]), end, energy=1 + above)
+    s = ao.solve(problem, tol=1e-8)
+    left = (1 + above - 1) / (2 + above)
+    exact = 2 * np.sqrt(1 - left) * ellipkm1(left)
+    assert abs(s.duration / exact - 1) < 1e-8
+    assert s.mesh.nodes.size < 500
+
+
 def test_no_path_closes_near_the_guess():  # but rest, and what a force along it would close
     system = systems.spring()
     problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Periodic(7.0))  # too long for once round
