@@ -6,7 +6,6 @@ import sys
 
 import browser
 import pytest
-from _pytest.runner import runtestprotocol
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: the matrices are small
 os.environ["MPLBACKEND"] = "Agg"  # before matplotlib: no window opens
@@ -79,19 +78,6 @@ def pytest_collection():
 def pytest_xdist_auto_num_workers(config):
     """Return no workers for files asked for by name: starting them takes longer than most."""
     return 0 if of_files(config.args) else None
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_protocol(item, nextitem):
-    """Report once on a test that passes, not thrice: a report takes two processes 0.5 ms."""
-    if not hasattr(item.config, "workerinput"):
-        return None
-    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    for report in runtestprotocol(item, log=False, nextitem=nextitem):
-        if report.when == "call" or not report.passed:
-            item.ihook.pytest_runtest_logreport(report=report)
-    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
-    return True
 
 
 @pytest.fixture(autouse=True)
