@@ -186,13 +186,11 @@ class Program(ABC):
         self.counts["hess"] += 1
         return self._hessian(x, lam, factor)
 
-    def hessian_product(
-        self, x: Array, lam: Array | None, direction: Array, factor: float = 1.0
-    ) -> Array:
+    def hessian_product(self, x: Array, lam: Array | None, direction: Array) -> Array:
         """Return the Hessian of the Lagrangian times a direction, (n,)."""
         self.counts["hprod"] += 1
         rows, cols = self.hessian_structure
-        values = self._hessian(x, lam, factor)
+        values = self._hessian(x, lam, 1.0)
         product = np.bincount(rows, values * direction[cols], self.n)
         off = rows != cols
         return product + np.bincount(cols[off], values[off] * direction[rows[off]], self.n)

@@ -140,11 +140,6 @@ class Factors:
             return list(_solver(layout, "ldl", len(right))(self._regular, np.stack(right)))
         return [self._direct(x) for x in right]
 
-    @property
-    def is_refined(self) -> bool:
-        """Whether solutions are refined from those of a matrix near this one."""
-        return self._near is not None
-
     @cached_property
     def _direct(self) -> Callable[[Array], Array] | None:
         """A function that solves but for errors; None if nothing does so quickly."""
