@@ -150,9 +150,10 @@ class HomotopyCurve:
         except np.linalg.LinAlgError:
             return False
         self.count += 1
-        return self._keep_direction(slope)
+        self._keep_direction(slope)
+        return self.ds > 0  # not where the slope is not finite
 
-    def _keep_direction(self, slope: Array) -> bool:
+    def _keep_direction(self, slope: Array) -> None:
         """Keep going the same way along the curve, through a fold in s as well."""
         cut = self.tr.layout.unknowns
         norm = math.sqrt(slope[:cut] @ slope[:cut] / cut + 1.0)
@@ -161,7 +162,6 @@ class HomotopyCurve:
             forward = float(slope[:cut] @ self.direction[:cut]) / cut + self.ds
         sign = 1.0 if forward >= 0 else -1.0
         self.direction, self.ds = sign * slope / norm, sign / norm
-        return norm > 0
 
     def _step_along(self) -> bool:
         """Take a step along the curve, as long as its corrector converges and s <= `CURVE_END`.
@@ -191,9 +191,9 @@ class HomotopyCurve:
                 and 1.0 - s < RUNAWAY_FORCE
             )
             before = self.direction
-            kept = self._keep_direction(slope)
+            self._keep_direction(slope)
             self.bends = (self.direction - before) / (2 * step), (self.ds - ds) / (2 * step)
-            return kept and near
+            return near
         return False
 
     def _correct(self, z: Array, s: float) -> tuple[Array, float, Array, int] | None:
