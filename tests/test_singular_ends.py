@@ -348,8 +348,10 @@ def boundary_layers(k):
 def test_ends_along_lines_would_cancel_beside_boundary_layers_of_a_millionth():
     """S_00 = k coth(k T), and S_01 = -k / sinh(k T) vanishes."""
     k = 1e7
-    found = ends_hessian(form(boundary_layers(k).discrete))
+    path = boundary_layers(k)
+    found = ends_hessian(form(path.discrete))
     assert found == pytest.approx(k * np.eye(2), rel=1e-12, abs=1e-60)
+    assert np.ravel(path.momenta) == pytest.approx([-k, k / 2], rel=1e-13)
 
 
 @pytest.mark.long
