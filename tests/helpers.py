@@ -45,24 +45,33 @@ def a_quarter(variants, first=0):
     return found
 
 
+# What a test raises that fails: `pytest.raises` its own, and variants of variants several.
+FAILURES = Exception, pytest.fail.Exception, BaseExceptionGroup
+
+
 def at_once(names, variants):
     """Return a test with all its variants, as `pytest.mark.parametrize` takes them, in one run.
 
-    To report one takes five milliseconds: longer than many take.
+    To report one takes five milliseconds: longer than many take. All are run, whichever fail.
     """
     names = [x.strip() for x in names.split(",")] if isinstance(names, str) else names
     variants = list(variants)  # several are the rows and columns of a table
 
     def of_all(test):
         def run(**given):
+            failures = []
             for variant in variants:
                 values = variant if len(names) > 1 else [variant]
                 own = dict(zip(names, values, strict=True))
                 try:
                     test(**given, **own)
-                except BaseException as failure:
+                except FAILURES as failure:
                     failure.add_note(str(own))
-                    raise
+                    failures.append(failure)
+            if len(failures) > 1:
+                raise BaseExceptionGroup(f"{len(failures)} of {len(variants)}", failures)
+            if failures:
+                raise failures[0]
 
         run.__doc__ = test.__doc__
         return run
