@@ -186,11 +186,13 @@ class Program(ABC):
         self.counts["hess"] += 1
         return self._hessian(x, lam, factor)
 
-    def hessian_product(self, x: Array, lam: Array | None, direction: Array) -> Array:
+    def hessian_product(
+        self, x: Array, lam: Array | None, direction: Array, factor: float = 1.0
+    ) -> Array:
         """Return the Hessian of the Lagrangian times a direction, (n,)."""
         self.counts["hprod"] += 1
         rows, cols = self.hessian_structure
-        values = self._hessian(x, lam, 1.0)
+        values = self._hessian(x, lam, factor)
         product = np.bincount(rows, values * direction[cols], self.n)
         off = rows != cols
         return product + np.bincount(cols[off], values[off] * direction[rows[off]], self.n)
