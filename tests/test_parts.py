@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import systems
 from helpers import at_once, fake
+from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
@@ -1027,8 +1028,9 @@ def test_a_closed_motion_goes_between_its_turning_points():
         systems.pendulum(), Event(0.0, [0.5]), ao.Periodic(None, [2 * np.pi]), energy=2.0
     )
     on = durations.between_turning_points(round_)
-    assert isinstance(on, np.ndarray)
-    assert on[0, [0, -1]] == pytest.approx([0.5, 0.5 + 2 * np.pi])
+    assert isinstance(on, ao.Path)
+    assert on.values[0, [0, -1]] == pytest.approx([0.5, 0.5 + 2 * np.pi])
+    assert on.mesh.duration == pytest.approx(4 / np.sqrt(6) * ellipk(2 / 3), rel=1e-5)
     assert durations.between_turning_points(round_.replace(energy=0.5)) is None
 
 
