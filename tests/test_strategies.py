@@ -411,3 +411,13 @@ def test_a_free_body_whose_inertia_varies_much_sets_out_at_its_own_pace(rate):
     t = np.linspace(0.0, 0.9, 10)
     u = first + t * (last - first)
     assert np.abs(path(t)[0] - 2 / rate * np.log(rate * u / 2)).max() < 1e-8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("a", "b", "T"), [(1.3188, -0.2418, 1.9), (0.7441, -1.6328, 1.98)])
+def test_what_the_budget_cuts_short_keeps_the_verdict_before(a, b, T):
+    # The speed of the only path is infinite at q = 0, where the inertia vanishes.
+    system = ao.System(lambda q, v, t: q[0] ** 2 * v[0] ** 2 / 2, ["q"])
+    found = ao.solve(ao.Problem(system, ao.Event(0.0, [a]), ao.Event(T, [b])), throw=False)
+
+    assert found.status is ao.Status.UNRESOLVED

@@ -240,9 +240,9 @@ class Search:
                 self.begin(strategy.name, strategy.minimises)
                 status = strategy.attempt(self)
             except LEADS_NOWHERE:
-                status = Status.NOT_FOUND
-                if self._is_exhausted:
+                if self._is_exhausted:  # the verdict on what was tried before stands
                     break
+                status = Status.NOT_FOUND
             if strategy.curves and status is Status.UNRESOLVED:
                 around = self._from_curve(CURVED_FIRST)  # before what costs more
                 status = around if around in REACHED else status
