@@ -1,5 +1,7 @@
 """Variants that are run as one test: each of them, and what is said of those that fail."""
 
+from typing import Any
+
 import pytest
 from helpers import at_once
 
@@ -16,10 +18,12 @@ def test_of_variants_at_once_all_are_run_and_those_that_fail_are_named():
             if a != 2:
                 raise ZeroDivisionError
 
+    all_of_them: Any = each
     with pytest.raises(BaseExceptionGroup) as failed:
-        each()
+        all_of_them()
     assert len(run) == 6
-    several, one = failed.value.exceptions
+    group: Any = failed.value
+    several, one = group.exceptions
     assert [x.__notes__ for x in several.exceptions] == [["{'b': 0, 'c': 1}"], ["{'b': 5, 'c': 6}"]]
     assert several.__notes__ == ["{'a': 2}"]
     assert one.__notes__ == ["{'b': 5, 'c': 6}", "{'a': 3}"]
