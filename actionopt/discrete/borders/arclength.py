@@ -192,21 +192,36 @@ class Branch:
     def first(self, z: Array, s: float, sign: float) -> BranchPoint:
         """Return the point at s, with the direction in which s grows (or falls).
 
-        By Newton's method from z; where that finds none, z as it is.
+        By Newton's method from z at s; beside another branch, where that finds none, across the
+        direction; or z as it is. The direction is told by the matrix there: that from which
+        Newton's method came is too far.
         """
         ahead = np.r_[np.zeros(z.size), sign * abs(self.range)]
         point = BranchPoint(self.at(s), z, s, ahead)
-        return self.to(point, s) or replace(point, direction=self._direction(point))
+        point = self.to(point, s) or self._across(point) or point
+        return replace(point, direction=self._direction(point))
+
+    def _across(self, point: BranchPoint) -> BranchPoint | None:
+        """Return the point to which Newton's method leads from one, across the direction there."""
+        point = replace(point, direction=self._direction(point))
+        found = self.step(point, 0.0, np.r_[point.z, point.s], np.inf)
+        return None if found is None else found[0]
 
     def step(
-        self, point: BranchPoint, length: float, first: Array | None = None
+        self,
+        point: BranchPoint,
+        length: float,
+        first: Array | None = None,
+        most: float | None = None,
     ) -> tuple[BranchPoint, int] | None:
         """Return the point at about `length` further along and the factorizations, or None.
 
-        From a `first` (z, s) if there is one, else from the tangent.
+        From a `first` (z, s) if there is one, else from the tangent; by a first correction of at
+        most `most`, else of what the branch may bend.
         """
         y = np.r_[point.z, point.s] + length * point.direction if first is None else first
-        found = self._correct(y, point.direction, CORRECTIONS, BEND * length)
+        most = BEND * length if most is None else most
+        found = self._correct(y, point.direction, CORRECTIONS, most)
         if found is None or not np.abs(found.y[: found.tr.layout.unknowns]).max() < RUNAWAY_SIZE:
             return None
         # The last transcription belongs to the s before the last, tiny correction.
