@@ -317,7 +317,7 @@ def test_what_meshes_left_behind_took_is_free(kept, chain, monkeypatch):
 
 @pytest.mark.long
 def test_a_finer_mesh_beside_another_branch_goes_on_along_its_own():
-    """Its path is corrected by the matrix of the coarser mesh's, which tells another direction."""
+    """At the value at which the mesh is refined a matrix is nearly singular; along it none is."""
     scene = scenes.get("chain", links=10, l=0.1, amplitude=0.1)
     found = trace(scene.problem, "g", 14.0, guess=scene.guess)
     assert found.stopped == "it reached the goal" and found.indices[-1] == 32

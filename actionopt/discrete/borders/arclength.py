@@ -193,8 +193,8 @@ class Branch:
         """Return the point at s, with the direction in which s grows (or falls).
 
         By Newton's method from z at s; beside another branch, where that finds none, across the
-        direction; or z as it is. The direction is told by the matrix there: that from which
-        Newton's method came is too far.
+        direction; or z as it is. The direction is told by a matrix across it: that at s is nearly
+        singular there.
         """
         ahead = np.r_[np.zeros(z.size), sign * abs(self.range)]
         point = BranchPoint(self.at(s), z, s, ahead)
