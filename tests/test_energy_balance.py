@@ -647,3 +647,28 @@ def test_a_well_between_two_steps_is_told():
 def test_windows_narrower_than_samples_are_jumps():
     wall = across(free(lambda q: np.where(abs(q[0] - 0.3) < 1e-5, 0.1, 0.0)), throw=False)
     assert wall.status is ao.Status.JUMP
+
+
+def two_speeds(k):
+    """L = v^3 / 6 + v^2 / 2 - k q^2 / 2: velocities v and -2 - v have one momentum."""
+    law = lambda q, v, t: v[0] ** 3 / 6 + v[0] ** 2 / 2 - k * q[0] ** 2 / 2  # noqa: E731
+    return ao.System(law, ["q"])
+
+
+@pytest.mark.parametrize(
+    ("k", "ends", "T"), [(2.2834, (2.6584, 0.1806), 1.7919), (1.4627, (-0.5344, -0.8441), 2.8907)]
+)
+def test_a_path_that_turns_a_corner_is_no_motion(k, ends, T):
+    """It was called one: momenta agree on both sides of it, and energies do not."""
+    start, end = ends
+    problem = ao.Problem(two_speeds(k), ao.Event(0.0, start), ao.Event(T, end))
+    found = ao.solve(problem, throw=False)
+    t = np.linspace(0.0, T, 2001)
+    assert not found.success or np.ptp(found.energy(t)) < 1e-6
+
+
+def test_a_path_beside_those_that_turn_corners_is_found():
+    problem = ao.Problem(two_speeds(2.0), ao.Event(0.0, 0.3), ao.Event(1.0, 0.9))
+    found = ao.solve(problem, tol=1e-10)
+    assert np.ptp(found.energy(np.linspace(0.0, 1.0, 101))) < 1e-8
+    assert found.compare().agrees

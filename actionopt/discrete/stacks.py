@@ -21,6 +21,7 @@ import numpy as np
 from actionopt.discrete.action.second_quadrature import NO_DEPARTURE, PANEL_COUNTS, inverses
 from actionopt.discrete.between_nodes.energy_balance import (
     AMPLIFIED,
+    CORNER,
     FEW_ELEMENTS,
     ROUNDOFF,
     displacement,
@@ -381,7 +382,7 @@ class Stack:
         By `samples` and `second` derivatives along them, or next to them.
         """
         s, structure, count = self.shape, self.shape.system.structure, len(self.times)
-        if structure.jumpless:
+        if structure.jumpless and not s.system.may_turn_corners:
             return np.zeros(count)
         v = self.velocities(Q)
         L, p, _, _ = self._evaluate("slopes", Q, v, self._at)
@@ -390,6 +391,9 @@ class Stack:
         speeds, momenta = (y[[0, -1]].transpose(1, 3, 2, 0) for y in (v, p))  # (n, C, E, 2)
         outer = L[[0, -1], 0].T  # (C, E, 2)
         between = np.abs(steps_between(speeds, momenta, outer))
+        if structure.jumpless:  # but it may turn a corner
+            power = np.abs(speeds * momenta).sum(axis=0).max(axis=(1, 2))
+            return np.where((between <= CORNER * power[:, None]).all(axis=1), 0.0, np.nan)
         plain = (between <= allowed[:, None]).all(axis=1)
         # The means of the energy over elements, or over the panels of a few.
         parts = s.sampling[0][1].panels if s.E < FEW_ELEMENTS and len(s.sampling) == 1 else 1

@@ -57,6 +57,9 @@ PERSISTENT = 0.4  # share that one part in 16 has of a step, at least: of a kink
 FOLLOWED = 64  # intervals at once; ad hoc
 AROUND = 64.0  # lengths of an interval: a surface that moves is not so much faster; ad hoc
 PROBES = np.arange(1, 65) * (np.sqrt(5) - 1) / 2 % 1  # of the path, spread; how many is ad hoc
+# Of the largest v . L_v, an energy that jumps between elements where velocities do. Where these are
+# off by the error of a path it is a twelfth of its third power; at a corner, of its size.
+CORNER = 1e-3
 WORST_SHARE = 0.1  # of the largest imbalance, one that is as large; ad hoc
 SHORTENED = 20  # times by 4, an interval in which L hardly changes; ad hoc
 SUDDEN = 16.0  # ratio from an interval to one four times as long: no growth by rounding; ad hoc
@@ -484,6 +487,26 @@ def steps_between(v: Array, p: Array, L: Array) -> Array:
     means = p[..., 1:, 0] + p[..., :-1, 1]
     known = ((v[..., 1:, 0] - v[..., :-1, 1]) * means).sum(axis=0)
     return L[..., 1:, 0] - L[..., :-1, 1] - known / 2
+
+
+def find_corners(at: DiscretePath) -> Imbalance | None:
+    """Return where a path turns a corner, at which its energy jumps; None where it does nowhere.
+
+    Of two velocities with one momentum a path of given nodes may take either on either side of one.
+    It is no motion: there the energy is to be continuous, too (Weierstrass and Erdmann; Gelfand and
+    Fomin, *Calculus of Variations* (1963), section 15).
+    """
+    tr = at.tr
+    if tr.mesh.elements < 2 or tr.sides is not None or at.problem.through:
+        return None
+    with np.errstate(all="ignore"):
+        v, p, L = _at_ends(tr, at.x)
+        off, power = np.abs(steps_between(v, p, L)), np.abs(v * p).sum(axis=0)
+        wrong = np.flatnonzero(off > CORNER * power[np.isfinite(power)].max(initial=0.0))
+    inner, width = at.mesh.since[1:-1][wrong], round_off_time(at.problem)
+    if not wrong.size:
+        return None
+    return Imbalance(inner - width, inner + width, off[wrong], np.zeros(wrong.size))
 
 
 def displacement(

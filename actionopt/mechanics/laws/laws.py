@@ -322,6 +322,13 @@ class Laws:
         return any([function.jac_sparsity(output, i).nnz() for i in inputs])
 
     @Once
+    def may_turn_corners(self) -> bool:
+        """Whether two velocities may have one momentum, as L is not quadratic in v."""
+        if self.structure.constant_mass or self.order > 1:
+            return False
+        return self._depends("second", 2, (1,))
+
+    @Once
     def derivatives(self) -> Derivatives:
         """Symbolic first and second derivatives of L and the constraint Jacobian."""
         s = self.symbols

@@ -332,7 +332,7 @@ def between_turning_points(problem: Problem) -> Path | Array | None:
         if not (at_rest(turn)[1] > 0).all():
             return None
         on = _passage(problem, turn[0], turn[-1]) if conserves_energy(system) else None
-        return turn[None] if on is None else _timed(t, *on)
+        return turn[None] if on is None else _motion(t, *on)
     x = centre + problem.scales[0] * np.concatenate([-SEEN[::-1], [0.0], SEEN])
     force, _ = at_rest(x)
     hills = np.flatnonzero((force[:-1] < 0) & (force[1:] >= 0))
@@ -350,12 +350,12 @@ def between_turning_points(problem: Problem) -> Path | Array | None:
         forth, back = _passage(problem, a, b), _passage(problem, b, a)
         if forth and back:
             rest = forth[0][-1] + back[0], *back[1:]
-            return _timed(t, *(np.append(x, y[1:]) for x, y in zip(forth, rest, strict=True)))
+            return _motion(t, *(np.append(x, y[1:]) for x, y in zip(forth, rest, strict=True)))
     turn = np.linspace(0, 2 * np.pi, 2 * LINE - 1)
     return (a + (b - a) * (1 - np.cos(turn)) / 2)[None]
 
 
-def _timed(t: float, since: Array, q: Array, v: Array) -> Path:
+def _motion(t: float, since: Array, q: Array, v: Array) -> Path:
     """Return the motion of one coordinate through q at the times `since` t, (K,)."""
     mesh = Mesh.over(t, t + since[-1], since, 3)
     return Path.interpolate(hermite(t + since, q[None], v[None]), mesh)

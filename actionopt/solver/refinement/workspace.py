@@ -471,6 +471,10 @@ class Workspace(Generic[Place]):
                 off, error = find_imbalance(here, here.error, self.tol, self._impulse_gain)
                 if error > here.error:
                     self.here = self.here.with_values(error=error)
+        if off is None and self.problem.system.may_turn_corners:
+            from actionopt.discrete.between_nodes.energy_balance import find_corners
+
+            off = find_corners(self.here)
         if off is not None or self.unbalance is not None:
             self.hint = str(off or "")
         self.unbalance = off
