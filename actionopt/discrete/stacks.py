@@ -393,7 +393,8 @@ class Stack:
         between = np.abs(steps_between(speeds, momenta, outer))
         if structure.jumpless:  # but it may turn a corner
             power = np.abs(speeds * momenta).sum(axis=0).max(axis=(1, 2))
-            return np.where((between <= CORNER * power[:, None]).all(axis=1), 0.0, np.nan)
+            known = between <= np.maximum(CORNER * power, allowed)[:, None]
+            return np.where(known.all(axis=1), 0.0, np.nan)
         plain = (between <= allowed[:, None]).all(axis=1)
         # The means of the energy over elements, or over the panels of a few.
         parts = s.sampling[0][1].panels if s.E < FEW_ELEMENTS and len(s.sampling) == 1 else 1

@@ -502,7 +502,8 @@ def find_corners(at: DiscretePath) -> Imbalance | None:
     with np.errstate(all="ignore"):
         v, p, L = _at_ends(tr, at.x)
         off, power = np.abs(steps_between(v, p, L)), np.abs(v * p).sum(axis=0)
-        wrong = np.flatnonzero(off > CORNER * power[np.isfinite(power)].max(initial=0.0))
+        most, read = (np.abs(y[np.isfinite(y)]).max(initial=0.0) for y in (power, L))
+        wrong = np.flatnonzero(off > max(CORNER * most, ROUNDOFF * read))
     inner, width = at.mesh.since[1:-1][wrong], round_off_time(at.problem)
     if not wrong.size:
         return None
