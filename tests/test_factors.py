@@ -91,6 +91,18 @@ def matrix_of(kind, stored, duration=2.0):
     return tr.layout, nonzeros, dense
 
 
+# A way of storing matrices with each kind of question.
+ONE_OF_EACH = pytest.mark.quick(
+    "small-plain",
+    "blocks-sphere",
+    "reduced-drag",
+    "reduced twice-plain",
+    "in parts-sphere",
+    "sparse-drag",
+    "kept-plain",
+)
+
+
 @pytest.mark.quick(
     "small-plain",
     "small-drag",
@@ -162,15 +174,7 @@ def test_signs_are_told_by_a_matrix_near_another_only_if_none_is_between(stored)
             assert ("_regular" in vars(factors)) == (part > 1)
 
 
-@pytest.mark.quick(
-    "small-plain",
-    "blocks-sphere",
-    "reduced-drag",
-    "reduced twice-plain",
-    "in parts-sphere",
-    "sparse-drag",
-    "kept-plain",
-)
+@ONE_OF_EACH
 @pytest.mark.parametrize("kind", KINDS)
 def test_products_are_those_of_the_dense_matrix(kind, stored):
     layout, nonzeros, dense = matrix_of(kind, stored)
@@ -217,15 +221,7 @@ def test_inertia_is_that_of_the_dense_eigenvalues(kind, stored, duration):
     assert negative_eigenvalues(layout, nonzeros) == np.sum(values < 0)
 
 
-@pytest.mark.quick(
-    "small-plain",
-    "blocks-sphere",
-    "reduced-drag",
-    "reduced twice-plain",
-    "in parts-sphere",
-    "sparse-drag",
-    "kept-plain",
-)
+@ONE_OF_EACH
 @pytest.mark.parametrize("kind", KINDS)
 def test_singular_matrices_are_refused(kind, stored):
     layout, nonzeros, _ = matrix_of(kind, stored)
@@ -281,15 +277,7 @@ def test_blocks_that_are_singular_do_not_make_the_matrix_so():
     assert np.max(np.abs(tr.coordinates(z - step)[:, 0] - q)) < 1e-9
 
 
-@pytest.mark.quick(
-    "small-plain",
-    "blocks-sphere",
-    "reduced-drag",
-    "reduced twice-plain",
-    "in parts-sphere",
-    "sparse-drag",
-    "kept-plain",
-)
+@ONE_OF_EACH
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_solution_has_the_sign_of_its_right_hand_side(kind, stored):
     """And its size: how often it is refined, and whether it is, does not depend on either."""
